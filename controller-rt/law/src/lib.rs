@@ -1,1 +1,22 @@
-//! Under construction.
+//! The paper's control law for one truck of a platoon, as a pure function of what the truck sees.
+//!
+//! Two layers [MCF, Fig. 2]: the upper-level coordination layer ([`ucl`]) turns delayed V2V states
+//! into a reference speed with an H-infinity gain; the lower-level motion-planning layer turns
+//! that speed, the obstacles and the road into force and steering with one convex QP.
+//! [`Law::step`] is the paper's Algorithm 1 for one vehicle and one instant.
+//!
+//! The crate refuses to know about CAN, clocks, files, threads and heap: time arrives in the
+//! [`Observation`], everything that changes lives in [`Memory`], and the same inputs give the same
+//! bits on every machine.
+//!
+//! \[MCF\]: H. Wang, L.-M. Peng et al., *A Holistic Robust Motion Control Framework for Autonomous
+//! Platooning*. Equation numbers are the printed ones.
+#![no_std]
+
+mod calibration;
+mod decision;
+mod observation;
+
+pub use calibration::{Calibration, DelayReading, LmlCalibration, TruckBelief, UclCalibration};
+pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
+pub use observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind, V2v};
