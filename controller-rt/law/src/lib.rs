@@ -20,3 +20,5 @@ mod observation;
 pub use calibration::{Calibration, DelayReading, LmlCalibration, TruckBelief, UclCalibration};
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
 pub use observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind, V2v};
+
+pub mod qp;
