@@ -1,1 +1,5 @@
-//! Under construction.
+//! The rig.
+mod noise;
+pub mod obstacle;
+pub mod rectangle;
+pub mod truck;
