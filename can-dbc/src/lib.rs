@@ -1,1 +1,48 @@
-//! Under construction.
+//! The contract between the rig and a truck's ECU: messages, protection and the bus they meet on.
+//!
+//! `platoon.dbc` is the single source. The build turns it into one struct per message
+//! ([`EgoState`], [`Actuation`], ...), the enum [`Message`] over all of them, and the table
+//! [`MESSAGES`] for tools. Every frame carries an alive counter and a CRC after AUTOSAR E2E
+//! Profile 5 ([`e2e`]). Frames travel over one [`Bus`], of which there are three: SocketCan,
+//! Udp (python-can's `udp_multicast` format on loopback) and [`Loopback`] (in memory).
+//!
+//! This crate knows nobody: no controller, no plant, no recorder. It reads no clock; whoever needs
+//! time gets a [`Clock`]. Encoding, decoding, sending and receiving neither allocate nor block.
+//!
+//! ```
+//! use platoon_dbc::{Actuation, ActuationStatus, Bus, Loopback};
+//!
+//! let (mut ecu, mut rig) = Loopback::pair("loopback0", 16);
+//! let command = Actuation {
+//!     answers_tick: 7,
+//!     force_n: -1500.0,
+//!     steering_rad: 0.01,
+//!     actuation_status: ActuationStatus::Solved,
+//! };
+//! ecu.send(&command.encode(0).expect("in range")).expect("room in the queue");
+//! let received = rig.receive().expect("the bus is up").expect("a frame waits");
+//! assert_eq!(Actuation::decode(&received.frame), Ok((command, 0)));
+//! ```
+
+mod bits;
+mod bus;
+mod codec;
+pub mod e2e;
+mod frame;
+mod messages;
+pub mod probe;
+mod time;
+
+pub use bus::{
+    Backend, Bus, BusCounts, ErrorFrameCounts, Loopback, OpenError, ReceiveError, Received,
+    SendError,
+};
+pub use codec::{
+    ByteOrder, DecodeError, EncodeError, MessageInfo, SignalInfo, decode_signals, message_info,
+};
+pub use frame::{Frame, FrameError, FrameFlags};
+pub use messages::*;
+pub use time::Clock;
+
+/// The text of `platoon.dbc`, to be attached to recordings and handed to other tools.
+pub const DBC: &str = include_str!("../platoon.dbc");
