@@ -33,14 +33,14 @@ fn enumeration_code(enumeration: &Enumeration) -> String {
         "/// {comment}\n\
          #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]\n\
          #[repr(u8)]\n\
-         pub(crate) enum {name} {{\n{declared}}}\n\
+         pub enum {name} {{\n{declared}}}\n\
          impl {name} {{\n\
          /// The value on the bus.\n\
-         pub(crate) const fn raw(self) -> u8 {{ self as u8 }}\n\
+         pub const fn raw(self) -> u8 {{ self as u8 }}\n\
          /// The value with this raw number, if the DBC has one.\n\
-         pub(crate) const fn from_raw(raw: i64) -> Option<Self> {{ match raw {{\n{from}_ => None }} }}\n\
+         pub const fn from_raw(raw: i64) -> Option<Self> {{ match raw {{\n{from}_ => None }} }}\n\
          /// The value's description in the DBC.\n\
-         pub(crate) const fn text(self) -> &'static str {{ match self {{\n{text}}} }}\n\
+         pub const fn text(self) -> &'static str {{ match self {{\n{text}}} }}\n\
          }}\n\n",
         declared = lines(&|(raw, variant, text)| format!("/// {text:?}.\n{variant} = {raw},\n")),
         from = lines(&|(raw, variant, _)| format!("{raw} => Some(Self::{variant}),\n")),
@@ -175,18 +175,18 @@ fn impl_code(index: usize, message: &Message) -> String {
          /// 29-bit identifier.\npub const ID: u32 = 0x{id:08X};\n\
          /// Payload length in bytes.\npub const LENGTH: usize = {length};\n\
          /// Cycle time of the DBC, milliseconds.\n\
-         pub(crate) const CYCLE_TIME_MS: u32 = {cycle_time_ms};\n\
+         pub const CYCLE_TIME_MS: u32 = {cycle_time_ms};\n\
          /// Data ID of the E2E protection.\npub const E2E_DATA_ID: u16 = 0x{e2e_data_id:04X};\n\
          /// The message's row in [`MESSAGES`].\n\
-         pub(crate) const INDEX: usize = {index};\n\n\
+         pub const INDEX: usize = {index};\n\n\
          /// Makes the protected frame that carries this message and the alive `counter`.\n\
          ///\n/// # Errors\n/// A field is not a number or leaves its range.\n\
-         pub(crate) fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
+         pub fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
          let s = &{signals};\nlet mut payload = [0; Frame::CAPACITY];\n{encode_page}{encoded}\
          Ok(codec::seal(payload, &MESSAGES[{index}], counter))\n}}\n\n\
          /// Reads this message and its alive counter out of a frame.\n\
          ///\n/// # Errors\n/// The frame is another message, damaged, or holds a refused value.\n\
-         pub(crate) fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
+         pub fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
          let s = &{signals};\nlet (payload, counter) = codec::open(frame, &MESSAGES[{index}])?;\n\
          {decode_page}Ok((Self {{\n{page_field}{decoded}}}, counter))\n}}\n}}\n\n\
          impl Default for {name} {{\n\
@@ -310,19 +310,19 @@ fn message_enum_code(contract: &Contract) -> String {
     format!(
         "/// Any message of the contract.\n\
          #[derive(Clone, Copy, Debug, PartialEq)]\n\
-         pub(crate) enum Message {{\n{variants}}}\n\n\
+         pub enum Message {{\n{variants}}}\n\n\
          impl Message {{\n\
          /// Reads whichever message the frame's identifier names, and its alive counter.\n\
          ///\n/// # Errors\n\
          /// `UnknownId` for an identifier outside the contract, else as the message's `decode`.\n\
-         pub(crate) fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
+         pub fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
          match frame.id() {{\n{decodes}_ => Err(DecodeError::UnknownId),\n}}\n}}\n\n\
          /// Makes the protected frame that carries this message and the alive `counter`.\n\
          ///\n/// # Errors\n/// A field is not a number or leaves its range.\n\
-         pub(crate) fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
+         pub fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
          match self {{\n{encodes}}}\n}}\n\n\
          /// The message's row in [`MESSAGES`].\n\
-         pub(crate) const fn index(&self) -> usize {{\nmatch self {{\n{indices}}}\n}}\n}}\n\n",
+         pub const fn index(&self) -> usize {{\nmatch self {{\n{indices}}}\n}}\n}}\n\n",
         variants = lines(&|name, message| format!("/// {}\n{name}({name}),\n", message.comment)),
         decodes = lines(&|name, _| format!(
             "{name}::ID => {name}::decode(frame).map(|(m, counter)| (Self::{name}(m), counter)),\n"
