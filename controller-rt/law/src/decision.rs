@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 pub struct Decision {
     /// Total longitudinal tyre force F_xT \[N\], positive forward [MCF, Eq. 13].
     pub force_n: f64,
-    /// Front-wheel steering angle δ \[rad\], positive to the left [MCF, Eq. 14].
+    /// Front-wheel steering angle δ \[rad\], positive to the left [MCF, Eq. 15].
     pub steering_rad: f64,
     /// Acceleration this truck intends, for its V2V broadcast \[m/s²\].
     pub intended_accel_mps2: f64,

@@ -1,8 +1,8 @@
 //! The paper's control law for one truck of a platoon, as a pure function of what the truck sees.
 //!
-//! Two layers [MCF, Fig. 2]: the upper-level coordination layer ([`ucl`]) turns delayed V2V states
-//! into a reference speed with an H-infinity gain; the lower-level motion-planning layer turns
-//! that speed, the obstacles and the road into force and steering with one convex QP.
+//! Two layers [MCF, Fig. 2]: the upper-level coordination layer (`ucl`) turns delayed V2V states
+//! into a reference speed with an H-infinity gain; the lower-level motion-planning layer (`lml`)
+//! turns that speed, the obstacles and the road into force and steering with one convex QP.
 //! [`Law::step`] is the paper's Algorithm 1 for one vehicle and one instant.
 //!
 //! The crate refuses to know about CAN, clocks, files, threads and heap: time arrives in the
@@ -13,12 +13,23 @@
 //! Platooning*. Equation numbers are the printed ones.
 #![no_std]
 
+mod bicycle;
 mod calibration;
 mod decision;
+mod history;
+mod law;
+mod lml;
+mod memory;
 mod observation;
+mod potential;
+mod prediction;
+pub mod qp;
+mod surroundings;
+mod ucl;
+mod weight;
 
 pub use calibration::{Calibration, DelayReading, LmlCalibration, TruckBelief, UclCalibration};
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
+pub use law::{Law, Phase};
+pub use memory::Memory;
 pub use observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind, V2v};
-
-pub mod qp;

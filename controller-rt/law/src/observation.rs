@@ -3,6 +3,8 @@
 //! Frames: the road frame has X along the road, Y to the left, heading counter-clockwise from X
 //! (ISO 8855). Body axes are forward and left of the truck's centre of gravity (CG).
 
+use crate::history::Motion;
+
 /// Most obstacles a picture holds; `platoon.dbc` has as many pages.
 pub const OBSTACLES_MAX: usize = 8;
 
@@ -115,4 +117,30 @@ pub struct Obstacle {
     pub length_m: f64,
     /// Box width across the road \[m\].
     pub width_m: f64,
+}
+
+impl Ego {
+    /// Speed along the road, Ẋ of Eq. 14's global coordinates \[m/s\].
+    pub fn road_speed_mps(&self) -> f64 {
+        let (sin, cos) = libm::sincos(self.heading_rad);
+        self.forward_mps * cos - self.lateral_mps * sin
+    }
+
+    /// Speed across the road, Ẏ \[m/s\], positive to the left.
+    pub fn cross_speed_mps(&self) -> f64 {
+        let (sin, cos) = libm::sincos(self.heading_rad);
+        self.forward_mps * sin + self.lateral_mps * cos
+    }
+}
+
+impl V2v {
+    /// The part of the message the coordination layer reads.
+    pub(crate) fn motion(&self) -> Motion {
+        Motion {
+            time_ns: self.generated_ns,
+            x_m: self.x_m,
+            speed_mps: self.speed_mps,
+            accel_mps2: self.accel_mps2,
+        }
+    }
 }

@@ -108,7 +108,10 @@ impl WorkingSet {
     pub fn natural() -> Self {
         let mut set = Self::default();
         for (member, slack) in set.members.iter_mut().zip(INPUTS..VARIABLES) {
-            *member = Some(Active { constraint: slack as u8, upper: false });
+            *member = Some(Active {
+                constraint: slack as u8,
+                upper: false,
+            });
         }
         set
     }
@@ -129,7 +132,8 @@ impl WorkingSet {
 
     /// One bit per active constraint.
     pub fn bits(&self) -> u128 {
-        self.iter().fold(0, |bits, active| bits | 1 << active.constraint)
+        self.iter()
+            .fold(0, |bits, active| bits | 1 << active.constraint)
     }
 }
 

@@ -33,12 +33,19 @@ pub struct ActiveSet;
 
 impl QpSolver for ActiveSet {
     fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
-        let guess = if warm.iter().next().is_some() { *warm } else { WorkingSet::natural() };
+        let guess = if warm.iter().next().is_some() {
+            *warm
+        } else {
+            WorkingSet::natural()
+        };
         let Some(mut search) = Search::start(qp) else {
             return Solution {
                 status: SolveStatus::Infeasible,
                 z: Vector::zeros(),
-                report: QpReport { kkt_residual: f64::INFINITY, ..QpReport::default() },
+                report: QpReport {
+                    kkt_residual: f64::INFINITY,
+                    ..QpReport::default()
+                },
             };
         };
         search.adopt(&guess);
@@ -86,7 +93,10 @@ impl<'a> Search<'a> {
             qp,
             j,
             r: SMatrix::zeros(),
-            members: [Active { constraint: 0, upper: false }; VARIABLES],
+            members: [Active {
+                constraint: 0,
+                upper: false,
+            }; VARIABLES],
             count: 0,
             multipliers: [0.0; VARIABLES + 1],
             z: Vector::zeros(),
@@ -240,7 +250,13 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 largest = relative;
-                worst = Some((Active { constraint: i as u8, upper }, relative));
+                worst = Some((
+                    Active {
+                        constraint: i as u8,
+                        upper,
+                    },
+                    relative,
+                ));
                 if !relative.is_finite() {
                     return worst;
                 }
@@ -311,7 +327,11 @@ impl<'a> Search<'a> {
     fn outside(&self, d: &Vector) -> f64 {
         let whole = d.norm();
         let rest: f64 = d.iter().skip(self.count).map(|x| x * x).sum();
-        if whole > 0.0 { libm::sqrt(rest) / whole } else { 0.0 }
+        if whole > 0.0 {
+            libm::sqrt(rest) / whole
+        } else {
+            0.0
+        }
     }
 
     /// `R^-1` applied to the leading part of `d`; zero beyond the working set.
@@ -337,13 +357,21 @@ impl<'a> Search<'a> {
     }
 
     fn limit(&self, active: Active) -> f64 {
-        let side = if active.upper { &self.qp.upper } else { &self.qp.lower };
+        let side = if active.upper {
+            &self.qp.upper
+        } else {
+            &self.qp.lower
+        };
         side[usize::from(active.constraint)]
     }
 
     /// The bound in `normal' z >= bound`.
     fn bound(&self, active: Active) -> f64 {
-        if active.upper { -self.limit(active) } else { self.limit(active) }
+        if active.upper {
+            -self.limit(active)
+        } else {
+            self.limit(active)
+        }
     }
 
     /// How much the constraint is short of holding.
@@ -375,9 +403,7 @@ impl<'a> Search<'a> {
 }
 
 /// L with H = L L', L lower triangular; `None` when H is not positive definite.
-fn cholesky(
-    h: &SMatrix<f64, VARIABLES, VARIABLES>,
-) -> Option<SMatrix<f64, VARIABLES, VARIABLES>> {
+fn cholesky(h: &SMatrix<f64, VARIABLES, VARIABLES>) -> Option<SMatrix<f64, VARIABLES, VARIABLES>> {
     let mut l = SMatrix::<f64, VARIABLES, VARIABLES>::zeros();
     for k in 0..VARIABLES {
         let mut pivot = h[(k, k)];

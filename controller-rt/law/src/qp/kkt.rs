@@ -15,11 +15,7 @@ use super::{CONSTRAINTS, Qp, VARIABLES};
 /// ```
 ///
 /// [Nocedal & Wright, *Numerical Optimization*, 2nd ed., Theorem 12.1.]
-pub fn kkt_residual(
-    qp: &Qp,
-    z: &SVector<f64, VARIABLES>,
-    multipliers: &[f64; CONSTRAINTS],
-) -> f64 {
+pub fn kkt_residual(qp: &Qp, z: &SVector<f64, VARIABLES>, multipliers: &[f64; CONSTRAINTS]) -> f64 {
     let values = qp.values(z);
     let mut pull = SVector::<f64, VARIABLES>::zeros();
     let mut worst = 0.0_f64;
@@ -29,17 +25,29 @@ pub fn kkt_residual(
         worst = largest(worst, (value - upper) / (1.0 + upper.abs()));
         if m != 0.0 {
             pull += qp.normal(i) * m;
-            let room = if m > 0.0 { value - lower } else { upper - value };
+            let room = if m > 0.0 {
+                value - lower
+            } else {
+                upper - value
+            };
             worst = largest(worst, m.abs().min(room.abs()));
         }
     }
     let curve = qp.hessian * z;
     let scale = 1.0 + curve.amax().max(qp.gradient.amax()).max(pull.amax());
     let stationarity = (curve + qp.gradient - pull).amax() / scale;
-    if stationarity.is_nan() { f64::INFINITY } else { largest(worst, stationarity) }
+    if stationarity.is_nan() {
+        f64::INFINITY
+    } else {
+        largest(worst, stationarity)
+    }
 }
 
 /// The larger of two numbers; limits at infinity give NaN ratios, which do not count.
 fn largest(so_far: f64, candidate: f64) -> f64 {
-    if candidate > so_far { candidate } else { so_far }
+    if candidate > so_far {
+        candidate
+    } else {
+        so_far
+    }
 }

@@ -1,0 +1,183 @@
+//! Algorithm 1 for one truck and one instant: coordinate, build, solve, decide.
+
+use crate::bicycle::Bicycle;
+use crate::calibration::Calibration;
+use crate::decision::{Decision, LmlReport, Outcome, UclReport};
+use crate::lml::{self, Request};
+use crate::memory::Memory;
+use crate::observation::Observation;
+use crate::qp::{ActiveSet, BLOCKS, INPUTS, QpSolver, Solution, SolveStatus};
+use crate::surroundings::Surroundings;
+use crate::ucl;
+use crate::weight::reference_weight;
+
+/// The parts of a step a caller may want to time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// The coordination layer has answered.
+    Ucl,
+    /// The motion layer's QP is built.
+    LmlBuild,
+    /// The QP is solved.
+    Qp,
+}
+
+/// The control law: immutable calibration and a QP solver.
+///
+/// Everything that changes is in the [`Memory`] the caller keeps, so one law serves many trucks.
+#[derive(Debug, Clone, Copy)]
+pub struct Law<S = ActiveSet> {
+    calibration: Calibration,
+    model: Bicycle,
+    solver: S,
+}
+
+impl<S: QpSolver> Law<S> {
+    /// A law with the given numbers; see [`Calibration::defect`] for what makes sense.
+    pub fn new(calibration: Calibration, solver: S) -> Self {
+        Self {
+            calibration,
+            model: Bicycle::new(&calibration.truck),
+            solver,
+        }
+    }
+
+    /// The law's numbers.
+    pub fn calibration(&self) -> &Calibration {
+        &self.calibration
+    }
+
+    /// One tick: from what the truck sees to force and steering.
+    pub fn step(&self, memory: &mut Memory, seen: &Observation) -> Decision {
+        self.step_marked(memory, seen, &mut |_| ())
+    }
+
+    /// [`step`](Self::step), calling `mark` as each phase ends.
+    pub fn step_marked(
+        &self,
+        memory: &mut Memory,
+        seen: &Observation,
+        mark: &mut impl FnMut(Phase),
+    ) -> Decision {
+        if memory.stepped_ns.is_none() {
+            self.begin(memory, seen);
+        }
+        let elapsed_s = Memory::seconds_since(memory.stepped_ns, seen.time_ns);
+        memory.stepped_ns = Some(seen.time_ns);
+        memory.note_seen(seen);
+        let ucl = ucl::coordinate(&self.calibration.ucl, memory, seen);
+        mark(Phase::Ucl);
+
+        let (outcome, lml) = if memory.ticks_to_solve == 0 {
+            memory.ticks_to_solve = self.calibration.lml_every_ticks.max(1) - 1;
+            self.plan_motion(memory, seen, &ucl, mark)
+        } else {
+            memory.ticks_to_solve -= 1;
+            (Outcome::Held, LmlReport::default())
+        };
+        self.decide(memory, seen, elapsed_s, outcome, ucl, lml)
+    }
+
+    /// The first tick: a truck that holds its speed, steering straight.
+    fn begin(&self, memory: &mut Memory, seen: &Observation) {
+        let hold = [self.model.holding_force_kn(seen.ego.forward_mps), 0.0];
+        memory.plan = [hold; BLOCKS];
+        memory.applied = hold;
+    }
+
+    /// The motion layer: assess, weigh, build, solve, and keep the plan.
+    fn plan_motion(
+        &self,
+        memory: &mut Memory,
+        seen: &Observation,
+        ucl: &UclReport,
+        mark: &mut impl FnMut(Phase),
+    ) -> (Outcome, LmlReport) {
+        let cal = &self.calibration;
+        let since_solve_s = Memory::seconds_since(memory.solved_ns, seen.time_ns);
+        memory.solved_ns = Some(seen.time_ns);
+        memory.plan = lml::shifted(&memory.plan, since_solve_s);
+
+        let surroundings = Surroundings::new(&cal.lml, &cal.truck, seen);
+        let potentials = || {
+            surroundings
+                .potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0)
+                .map(|u| u.value)
+        };
+        let q_ref = reference_weight(&cal.lml, potentials());
+        let request = Request {
+            v_ref_mps: ucl.v_ref_mps,
+            q_ref,
+            plan: memory.plan,
+            applied: memory.applied,
+            interval_s: since_solve_s,
+        };
+        let qp = lml::build(cal, &self.model, &surroundings, seen, &request);
+        mark(Phase::LmlBuild);
+
+        let solution = self.solver.solve(&qp, &mut memory.working_set);
+        mark(Phase::Qp);
+        let (outcome, slack) = keep_plan(memory, &solution);
+        let report = LmlReport {
+            potential: potentials().sum(),
+            q_ref,
+            slack,
+            qp: solution.report,
+        };
+        (outcome, report)
+    }
+
+    /// The command: towards the plan's first block, no faster than the actuators may move.
+    fn decide(
+        &self,
+        memory: &mut Memory,
+        seen: &Observation,
+        elapsed_s: f64,
+        outcome: Outcome,
+        ucl: UclReport,
+        lml: LmlReport,
+    ) -> Decision {
+        let cal = &self.calibration.lml;
+        let steering_max_deg = cal.steering_max_rad.to_degrees();
+        let steering_rate = cal.steering_rate_radps.to_degrees();
+        let toward = |i: usize, rate: f64, min: f64, max: f64| {
+            let (now, reach) = (memory.applied[i], rate * elapsed_s);
+            memory.plan[0][i]
+                .clamp(now - reach, now + reach)
+                .clamp(min, max)
+        };
+        let force_kn = toward(
+            0,
+            cal.force_rate_kn_per_s,
+            cal.force_min_kn,
+            cal.force_max_kn,
+        );
+        let steering_deg = toward(1, steering_rate, -steering_max_deg, steering_max_deg);
+        memory.applied = [force_kn, steering_deg];
+        Decision {
+            force_n: 1e3 * force_kn,
+            steering_rad: steering_deg.to_radians(),
+            intended_accel_mps2: self.model.acceleration_mps2(force_kn, seen.ego.forward_mps),
+            outcome,
+            ucl,
+            lml,
+        }
+    }
+}
+
+/// Keeps a solution as the new plan; without one the old plan, already shifted, stays.
+fn keep_plan(memory: &mut Memory, solution: &Solution) -> (Outcome, [f64; 3]) {
+    let outcome = match solution.status {
+        SolveStatus::Solved => {
+            memory.plan = core::array::from_fn(|b| [solution.z[2 * b], solution.z[2 * b + 1]]);
+            Outcome::Solved
+        }
+        SolveStatus::IterationCap => Outcome::IterationCap,
+        SolveStatus::Infeasible => Outcome::Infeasible,
+    };
+    let slack = match outcome {
+        Outcome::Solved => core::array::from_fn(|i| solution.z[INPUTS + i]),
+        _ => [f64::NAN; 3],
+    };
+    (outcome, slack)
+}

@@ -1,0 +1,284 @@
+//! The lower-level motion-planning layer: reference speed, obstacles and road in, one QP out
+//! [MCF, Eqs. 18-21].
+//!
+//! ```text
+//! minimise over w = (F, delta) of 5 blocks, and slacks eps
+//!   sum_k  Q_Y (Y_k - Y_des)^2 + Q_ref (u_k - V_ref)^2 + Q_obs sum_j U_j(X_k, Y_k) + road(Y_k)
+//!        + S w_k^2  +  sum_b R (w_b - w_{b-1})^2  +  1/2 eps' H eps + h' eps
+//! subject to  bounds and rates of w,
+//!   Y_k - epsY <= Ymax_k,  Y_k + epsY >= Ymin_k,  X_k - epsX <= Xmax_k,  |u_k r_k| - epsA <= aymax
+//! ```
+//!
+//! with x_k = x̄_k + G_k (w - w̄) about the trajectory the last plan predicts. The linear slack
+//! weights make the penalty exact: slacks stay at zero while the limits can be held.
+
+use crate::bicycle::Bicycle;
+use crate::calibration::{Calibration, LmlCalibration};
+use crate::observation::Observation;
+use crate::potential;
+use crate::prediction::{Instant, STEP_S, STEPS, block, predict};
+use crate::qp::{BLOCKS, INPUTS, Qp, SLACKS, VARIABLES};
+use crate::surroundings::Surroundings;
+
+/// First row of the position limits: three per prediction step.
+const POSITION_ROWS: usize = INPUTS;
+/// First row of the lateral acceleration limits: two for every other step.
+const ACCELERATION_ROWS: usize = POSITION_ROWS + 3 * STEPS;
+/// Where the model's state holds ū, r, X and Y.
+const SPEED: usize = 0;
+const YAW: usize = 2;
+const X: usize = 4;
+const Y: usize = 5;
+
+/// What one tick asks of the motion layer, beside the observation.
+#[derive(Debug, Clone, Copy)]
+pub struct Request {
+    /// Reference speed V_ref over the whole horizon \[m/s\].
+    pub v_ref_mps: f64,
+    /// Its weight Q_ref.
+    pub q_ref: f64,
+    /// The plan to linearise about: force \[kN\] and steering \[deg\] of each block.
+    pub plan: [[f64; 2]; BLOCKS],
+    /// The command in force now, in the same units.
+    pub applied: [f64; 2],
+    /// Time over which the command may change before the next solve \[s\].
+    pub interval_s: f64,
+}
+
+/// Builds the QP of one tick.
+pub fn build(
+    cal: &Calibration,
+    model: &Bicycle,
+    surroundings: &Surroundings,
+    seen: &Observation,
+    request: &Request,
+) -> Qp {
+    let ego = &seen.ego;
+    let start = [
+        ego.forward_mps,
+        ego.lateral_mps,
+        ego.yaw_radps,
+        ego.heading_rad,
+        ego.x_m,
+        ego.y_m,
+    ];
+    let instants = predict(model, &start, &request.plan);
+    let mut builder = Builder {
+        cal: &cal.lml,
+        request,
+        plan: flatten(&request.plan),
+        qp: Qp::empty(),
+    };
+    builder.input_cost();
+    builder.slack_cost();
+    builder.input_limits();
+    builder.rate_limits();
+    for (k, instant) in instants.iter().enumerate() {
+        builder.tracking_cost(instant, seen.mission.desired_y_m);
+        builder.potential_cost(k, instant, surroundings);
+        builder.position_limits(k, instant, surroundings);
+        if k % 2 == 0 {
+            builder.acceleration_limits(k / 2, instant);
+        }
+    }
+    builder.finish()
+}
+
+/// The QP under construction; the Hessian's upper triangle only, until it is finished.
+struct Builder<'a> {
+    cal: &'a LmlCalibration,
+    request: &'a Request,
+    /// w̄, flat.
+    plan: [f64; INPUTS],
+    qp: Qp,
+}
+
+impl Builder<'_> {
+    /// S w² at every step, R (w_b - w_{b-1})² between blocks, the first against the command in force.
+    fn input_cost(&mut self) {
+        for (i, (&s, &r)) in self.cal.s.iter().zip(&self.cal.r).enumerate() {
+            for b in 0..BLOCKS {
+                let steps = if b + 1 < BLOCKS {
+                    1
+                } else {
+                    STEPS + 1 - BLOCKS
+                };
+                let at = 2 * b + i;
+                self.qp.hessian[(at, at)] += 2.0 * s * steps as f64 + 2.0 * r;
+                if b == 0 {
+                    self.qp.gradient[at] -= 2.0 * r * self.request.applied[i];
+                } else {
+                    self.qp.hessian[(at - 2, at - 2)] += 2.0 * r;
+                    self.qp.hessian[(at - 2, at)] -= 2.0 * r;
+                }
+            }
+        }
+    }
+
+    fn slack_cost(&mut self) {
+        for i in 0..SLACKS {
+            self.qp.hessian[(INPUTS + i, INPUTS + i)] = self.cal.slack_quadratic[i];
+            self.qp.gradient[INPUTS + i] = self.cal.slack_linear[i];
+            self.qp.lower[INPUTS + i] = 0.0;
+        }
+    }
+
+    /// Q_Y and Q_ref terms of one predicted instant.
+    fn tracking_cost(&mut self, instant: &Instant, desired_y_m: f64) {
+        let y_error = instant.state[Y] - desired_y_m;
+        self.quadratic(
+            &instant.gain[Y],
+            2.0 * self.cal.q_y,
+            2.0 * self.cal.q_y * y_error,
+        );
+        let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
+        let weight = 2.0 * self.request.q_ref;
+        self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
+    }
+
+    /// Potentials of obstacles and road edges at one predicted instant.
+    fn potential_cost(&mut self, k: usize, instant: &Instant, surroundings: &Surroundings) {
+        let (x, y) = (instant.state[X], instant.state[Y]);
+        let weight = self.cal.q_obs;
+        for model in surroundings.potentials(self.cal, x, y, ahead_s(k)) {
+            if model.curvature == 0.0 {
+                continue;
+            }
+            let mut radial = [0.0; INPUTS];
+            for (j, r) in radial.iter_mut().enumerate() {
+                *r = model.along_x * instant.gain[X][j] + model.along_y * instant.gain[Y][j];
+            }
+            self.quadratic(&radial, weight * model.curvature, weight * model.slope);
+        }
+        for (distance, sign) in surroundings.edge_distances(y).into_iter().zip([1.0, -1.0]) {
+            let (_, slope, curvature) = potential::road_edge(self.cal, distance);
+            if curvature > 0.0 {
+                self.quadratic(&instant.gain[Y], curvature, sign * slope);
+            }
+        }
+    }
+
+    /// Adds `slope q + curvature q²/2` with `q = row (w - w̄)`.
+    fn quadratic(&mut self, row: &[f64; INPUTS], curvature: f64, slope: f64) {
+        let offset: f64 = row.iter().zip(&self.plan).map(|(g, w)| g * w).sum();
+        let linear = slope - curvature * offset;
+        for j in 0..INPUTS {
+            let scaled = curvature * row[j];
+            self.qp.gradient[j] += linear * row[j];
+            for i in 0..=j {
+                self.qp.hessian[(i, j)] += scaled * row[i];
+            }
+        }
+    }
+
+    /// Actuator ranges [MCF, Eq. 18].
+    fn input_limits(&mut self) {
+        let steering_deg = self.cal.steering_max_rad.to_degrees();
+        for b in 0..BLOCKS {
+            self.qp.lower[2 * b] = self.cal.force_min_kn;
+            self.qp.upper[2 * b] = self.cal.force_max_kn;
+            self.qp.lower[2 * b + 1] = -steering_deg;
+            self.qp.upper[2 * b + 1] = steering_deg;
+        }
+    }
+
+    /// Actuator rates: between blocks over a prediction step, to the first block over the interval
+    /// until the next solve.
+    fn rate_limits(&mut self) {
+        let rates = [
+            self.cal.force_rate_kn_per_s,
+            self.cal.steering_rate_radps.to_degrees(),
+        ];
+        for b in 0..BLOCKS {
+            for (i, rate) in rates.into_iter().enumerate() {
+                let at = 2 * b + i;
+                let (centre, reach) = if b == 0 {
+                    (self.request.applied[i], rate * self.request.interval_s)
+                } else {
+                    self.qp.rows[(at, at - 2)] = -1.0;
+                    (0.0, rate * STEP_S)
+                };
+                self.qp.rows[(at, at)] = 1.0;
+                self.limit_row(at, centre - reach, centre + reach);
+            }
+        }
+    }
+
+    /// Lateral limits and the gap to what cannot be passed, each softened by its slack.
+    fn position_limits(&mut self, k: usize, instant: &Instant, surroundings: &Surroundings) {
+        let (x, y) = (instant.state[X], instant.state[Y]);
+        let limits = surroundings.limits(self.cal, x, y, ahead_s(k));
+        let row = POSITION_ROWS + 3 * k;
+        let y_offset = self.place_row(row, &instant.gain[Y], y);
+        self.qp.rows[(row, INPUTS)] = -1.0;
+        self.limit_row(row, f64::NEG_INFINITY, limits.y_max_m - y_offset);
+        self.place_row(row + 1, &instant.gain[Y], y);
+        self.qp.rows[(row + 1, INPUTS)] = 1.0;
+        self.limit_row(row + 1, limits.y_min_m - y_offset, f64::INFINITY);
+        let x_offset = self.place_row(row + 2, &instant.gain[X], x);
+        self.qp.rows[(row + 2, INPUTS + 1)] = -1.0;
+        self.limit_row(row + 2, f64::NEG_INFINITY, limits.x_max_m - x_offset);
+    }
+
+    /// |u r| <= aymax, linearised, softened by its slack.
+    fn acceleration_limits(&mut self, pair: usize, instant: &Instant) {
+        let (u, r) = (instant.state[SPEED], instant.state[YAW]);
+        let mut gain = [0.0; INPUTS];
+        for (j, g) in gain.iter_mut().enumerate() {
+            *g = u * instant.gain[YAW][j] + r * instant.gain[SPEED][j];
+        }
+        let limit = self.cal.lateral_accel_max_mps2;
+        let row = ACCELERATION_ROWS + 2 * pair;
+        let offset = self.place_row(row, &gain, u * r);
+        self.qp.rows[(row, INPUTS + 2)] = -1.0;
+        self.limit_row(row, f64::NEG_INFINITY, limit - offset);
+        self.place_row(row + 1, &gain, u * r);
+        self.qp.rows[(row + 1, INPUTS + 2)] = 1.0;
+        self.limit_row(row + 1, -limit - offset, f64::INFINITY);
+    }
+
+    /// Writes a row's inputs and returns the part of `value` that does not depend on them.
+    fn place_row(&mut self, row: usize, gain: &[f64; INPUTS], value: f64) -> f64 {
+        let mut offset = value;
+        for j in 0..INPUTS {
+            self.qp.rows[(row, j)] = gain[j];
+            offset -= gain[j] * self.plan[j];
+        }
+        offset
+    }
+
+    fn limit_row(&mut self, row: usize, lower: f64, upper: f64) {
+        self.qp.lower[VARIABLES + row] = lower;
+        self.qp.upper[VARIABLES + row] = upper;
+    }
+
+    /// Completes the Hessian's lower triangle.
+    fn finish(mut self) -> Qp {
+        self.qp.hessian.fill_lower_triangle_with_upper_triangle();
+        self.qp
+    }
+}
+
+/// Time of prediction step `k`, counted from zero, after now \[s\].
+fn ahead_s(k: usize) -> f64 {
+    (k + 1) as f64 * STEP_S
+}
+
+fn flatten(plan: &[[f64; 2]; BLOCKS]) -> [f64; INPUTS] {
+    core::array::from_fn(|i| plan[i / 2][i % 2])
+}
+
+/// The plan `elapsed_s` later: blended towards its shift by one block, by the share of a prediction
+/// step that has passed. Shifting by a whole block at every tick would run the plan at the loop's
+/// rate instead of time's.
+pub fn shifted(plan: &[[f64; 2]; BLOCKS], elapsed_s: f64) -> [[f64; 2]; BLOCKS] {
+    let share = (elapsed_s / STEP_S).clamp(0.0, 1.0);
+    core::array::from_fn(|b| {
+        let next = plan[block(b + 1)];
+        core::array::from_fn(|i| plan[b][i] + share * (next[i] - plan[b][i]))
+    })
+}
+
+#[cfg(test)]
+#[path = "lml/tests.rs"]
+mod tests;

@@ -1,0 +1,70 @@
+//! Everything of the law that changes from tick to tick.
+
+use serde::{Deserialize, Serialize};
+
+use crate::history::{History, Motion, seconds_between};
+use crate::observation::Observation;
+use crate::qp::{BLOCKS, WorkingSet};
+
+/// The law's memory: a plain value that can be copied, stored and restored.
+///
+/// Restoring a memory and repeating the observations repeats the decisions bit for bit.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct Memory {
+    /// This truck's own past.
+    pub(crate) own: History,
+    /// The leader's messages.
+    pub(crate) leader: History,
+    /// The predecessor's messages.
+    pub(crate) predecessor: History,
+    /// The last plan: force \[kN\] and steering \[deg\] of each control block.
+    pub(crate) plan: [[f64; 2]; BLOCKS],
+    /// The command in force, as the guard admitted it: force \[kN\] and steering \[deg\].
+    pub(crate) applied: [f64; 2],
+    /// The QP's last working set.
+    pub(crate) working_set: WorkingSet,
+    /// When the law last stepped \[ns\].
+    pub(crate) stepped_ns: Option<u64>,
+    /// When the motion layer last solved \[ns\].
+    pub(crate) solved_ns: Option<u64>,
+    /// Ticks until the motion layer solves again.
+    pub(crate) ticks_to_solve: u32,
+}
+
+impl Memory {
+    /// The memory of a law that has seen nothing.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Notes the command that was really sent, which may differ from the law's.
+    pub fn note_applied(&mut self, force_n: f64, steering_rad: f64) {
+        self.applied = [1e-3 * force_n, steering_rad.to_degrees()];
+    }
+
+    /// Notes the stamped states in an observation.
+    pub(crate) fn note_seen(&mut self, seen: &Observation) {
+        let ego = &seen.ego;
+        self.own.note(Motion {
+            time_ns: ego.time_ns,
+            x_m: ego.x_m,
+            speed_mps: ego.road_speed_mps(),
+            accel_mps2: ego.accel_mps2,
+        });
+        for (history, message) in [
+            (&mut self.leader, seen.leader),
+            (&mut self.predecessor, seen.predecessor),
+        ] {
+            match message {
+                Some(message) => history.note(message.motion()),
+                // A lost truck's past must not be joined to a later message.
+                None => *history = History::new(),
+            }
+        }
+    }
+
+    /// Seconds since `then`, 0 when there was none.
+    pub(crate) fn seconds_since(then_ns: Option<u64>, now_ns: u64) -> f64 {
+        then_ns.map_or(0.0, |then| seconds_between(then, now_ns).max(0.0))
+    }
+}
