@@ -1,1 +1,28 @@
-//! Under construction.
+//! The host under a rehearsal: virtual CAN interfaces, real-time privileges, and what the machine
+//! itself is worth.
+//!
+//! - [`can`] makes FD-capable `vcan` interfaces over netlink and says exactly what is missing when
+//!   it cannot.
+//! - [`realtime`] asks for SCHED_FIFO, locked memory and CPU affinity, and reports what the kernel
+//!   really granted; [`realtime::environment`] describes the machine for the run's metadata.
+//! - [`floor`] measures how late the bare machine wakes a thread, before a run or beside one.
+//! - [`clock`] is CLOCK_MONOTONIC with absolute sleeps.
+//!
+//! The crate knows nothing of trucks, messages or control, and it refuses to touch an interface
+//! that is not a `vcan`. Linux only.
+//!
+//! ```
+//! use vcan_setup::realtime::{self, Request};
+//!
+//! let obtained = realtime::acquire(&Request { priority: Some(80), ..Request::default() });
+//! for refusal in &obtained.refused {
+//!     eprintln!("running without it: {refusal}");
+//! }
+//! ```
+
+pub mod can;
+pub mod clock;
+pub mod floor;
+mod link;
+pub mod realtime;
+mod scheduler;

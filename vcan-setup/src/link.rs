@@ -1,0 +1,129 @@
+//! Reading one network interface over rtnetlink: kind, MTU, state.
+//!
+//! The `socketcan` crate creates and changes interfaces but does not tell a `vcan` from another
+//! kind, and nothing may be touched before that is known.
+
+use std::ffi::CStr;
+use std::io;
+
+use neli::consts::nl::NlmF;
+use neli::consts::rtnl::{Iff, Ifla, IflaInfo, RtAddrFamily, Rtm};
+use neli::consts::socket::NlFamily;
+use neli::nl::{NlPayload, Nlmsghdr, NlmsghdrBuilder};
+use neli::rtnl::{Ifinfomsg, IfinfomsgBuilder, RtattrBuilder};
+use neli::socket::synchronous::NlSocketHandle;
+use neli::types::RtBuffer;
+use neli::utils::Groups;
+
+/// A network interface as the kernel describes it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Link {
+    /// Interface index, unique until the next boot.
+    pub(crate) index: u32,
+    /// Kind as in `ip link add type KIND`; `None` for hardware and the loopback device.
+    pub(crate) kind: Option<String>,
+    /// Largest packet [bytes]; 72 and more carries CAN FD frames.
+    pub(crate) mtu: u32,
+    /// Whether the interface is up.
+    pub(crate) is_up: bool,
+}
+
+impl Link {
+    /// Looks an interface up by name; `None` when there is none of that name.
+    pub(crate) fn find(name: &str) -> io::Result<Option<Self>> {
+        let socket = NlSocketHandle::connect(NlFamily::Route, None, Groups::empty())
+            .map_err(io::Error::other)?;
+        socket.send(&query(name)?).map_err(io::Error::other)?;
+        let (mut replies, _) = socket.recv::<Rtm, Ifinfomsg>().map_err(io::Error::other)?;
+        let Some(reply) = replies.next().transpose().map_err(io::Error::other)? else {
+            return Err(io::Error::other("no answer over netlink"));
+        };
+        if let NlPayload::Err(error) = reply.nl_payload() {
+            let errno = -*error.error();
+            let missing = errno == libc::ENODEV;
+            return if missing {
+                Ok(None)
+            } else {
+                Err(io::Error::from_raw_os_error(errno))
+            };
+        }
+        Ok(reply.get_payload().map(Self::from_message))
+    }
+
+    fn from_message(message: &Ifinfomsg) -> Self {
+        let attributes = message.rtattrs().get_attr_handle();
+        let kind = attributes
+            .get_nested_attributes::<IflaInfo>(Ifla::Linkinfo)
+            .ok()
+            .and_then(|info| {
+                let kind = info
+                    .get_attribute(IflaInfo::Kind)?
+                    .rta_payload()
+                    .as_ref()
+                    .to_vec();
+                Some(until_nul(&kind))
+            });
+        Self {
+            index: (*message.ifi_index()).unsigned_abs(),
+            kind,
+            mtu: attributes
+                .get_attr_payload_as::<u32>(Ifla::Mtu)
+                .unwrap_or(0),
+            is_up: message.ifi_flags().contains(Iff::UP),
+        }
+    }
+}
+
+/// The request for one interface by name.
+fn query(name: &str) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
+    let mut attributes = RtBuffer::new();
+    attributes.push(
+        RtattrBuilder::default()
+            .rta_type(Ifla::Ifname)
+            .rta_payload(name)
+            .build()
+            .map_err(io::Error::other)?,
+    );
+    let message = IfinfomsgBuilder::default()
+        .ifi_family(RtAddrFamily::Unspecified)
+        .rtattrs(attributes)
+        .build()
+        .map_err(io::Error::other)?;
+    NlmsghdrBuilder::default()
+        .nl_type(Rtm::Getlink)
+        .nl_flags(NlmF::REQUEST)
+        .nl_payload(NlPayload::Payload(message))
+        .build()
+        .map_err(io::Error::other)
+}
+
+/// Text of a netlink string, which the kernel pads with zeros.
+fn until_nul(bytes: &[u8]) -> String {
+    let text = CStr::from_bytes_until_nul(bytes).map_or(bytes, CStr::to_bytes);
+    String::from_utf8_lossy(text).into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_loopback_device_has_an_index_and_no_kind() {
+        let lo = Link::find("lo")
+            .expect("netlink answers")
+            .expect("every Linux has lo");
+        assert_eq!((lo.index, lo.kind), (1, None));
+        assert!(lo.mtu > 0);
+    }
+
+    #[test]
+    fn an_interface_that_does_not_exist_is_not_an_error() {
+        assert_eq!(Link::find("no-such-link").expect("netlink answers"), None);
+    }
+
+    #[test]
+    fn kernel_strings_end_at_their_first_zero() {
+        assert_eq!(until_nul(b"vcan\0\0"), "vcan");
+        assert_eq!(until_nul(b"vcan"), "vcan");
+    }
+}
