@@ -1,5 +1,7 @@
 //! The rig.
+mod channel;
 mod noise;
 pub mod obstacle;
 pub mod rectangle;
+pub mod scenario;
 pub mod truck;

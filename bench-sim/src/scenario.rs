@@ -1,0 +1,195 @@
+//! Scenarios: what the bench is to do, one TOML file each, units in every key.
+//!
+//! A scenario is a built-in name or a path. Overrides (`--set key=value`) go onto the parsed TOML
+//! before it becomes a [`Scenario`], so they are typed and checked exactly as the file is.
+//! Obstacles count from 1, trucks from 0 (the leader). Unknown keys are refused everywhere except
+//! below `law`, which is the ECU's own and passes through untouched.
+
+mod criteria;
+mod limits;
+mod load;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::obstacle::Obstacle;
+use crate::truck::{NOMINAL_MASS_KG, TruckParameters};
+
+pub use criteria::Criteria;
+pub use limits::{OBSTACLES_MAX, TRUCKS_MAX};
+pub use load::{ScenarioError, Summary};
+
+/// A whole scenario, checked.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Its name.
+    pub name: String,
+    /// What happens, in a line.
+    #[serde(default)]
+    pub description: String,
+    /// How long it runs \[s\] of bench time.
+    pub duration_s: f64,
+    /// The trucks as a group.
+    pub platoon: Platoon,
+    /// The road.
+    #[serde(default)]
+    pub road: Road,
+    /// The radio between the trucks.
+    #[serde(default)]
+    pub v2v: V2v,
+    /// What the trucks are.
+    #[serde(default)]
+    pub plant: Plant,
+    /// What the trucks perceive.
+    #[serde(default)]
+    pub sensors: Sensors,
+    /// Deviations of single trucks from the nominal one, by truck number.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub trucks: BTreeMap<String, TruckOverride>,
+    /// Scripted obstacles, the first one is number 1.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<Obstacle>,
+    /// What the run is judged by.
+    #[serde(default)]
+    pub criteria: Criteria,
+    /// Passed to the ECUs untouched.
+    #[serde(default, skip_serializing_if = "toml::Table::is_empty")]
+    pub law: toml::Table,
+}
+
+/// The trucks as a group.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Platoon {
+    /// How many trucks, the leader included.
+    pub trucks: usize,
+    /// Desired distance D between neighbours' CGs \[m\]; also the distance at the start.
+    pub spacing_m: f64,
+    /// Set speed of the leader \[m/s\]; also everybody's speed at the start.
+    pub speed_mps: f64,
+    /// Desired lateral position Y_des \[m\]; also everybody's position at the start.
+    #[serde(default)]
+    pub desired_y_m: f64,
+}
+
+/// The road: straight, two lanes, lane 1 about Y = 0.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Road {
+    /// Width of a lane \[m\]; the line between lane 1 and 2 is at half of it.
+    pub lane_width_m: f64,
+    /// Y of the right edge \[m\].
+    pub right_edge_y_m: f64,
+    /// Y of the left edge \[m\].
+    pub left_edge_y_m: f64,
+}
+
+impl Default for Road {
+    fn default() -> Self {
+        Self { lane_width_m: 3.75, right_edge_y_m: -1.875, left_edge_y_m: 5.625 }
+    }
+}
+
+/// The radio between the trucks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct V2v {
+    /// Shortest transport delay λ \[s\].
+    pub delay_min_s: f64,
+    /// Longest transport delay \[s\].
+    pub delay_max_s: f64,
+    /// Fastest change of the delay |dλ/dt| \[s/s\].
+    pub delay_rate_max: f64,
+    /// Time between a truck's broadcasts \[s\].
+    pub period_s: f64,
+    /// Share of messages that never arrive, per link.
+    pub loss: f64,
+}
+
+impl Default for V2v {
+    fn default() -> Self {
+        Self { delay_min_s: 0.0, delay_max_s: 0.0, delay_rate_max: 0.2, period_s: 0.02, loss: 0.0 }
+    }
+}
+
+/// Which equations a truck obeys.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Model {
+    /// One track, nonlinear tyres: [`crate::truck`].
+    #[default]
+    SingleTrack,
+}
+
+/// What the trucks are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Plant {
+    /// The equations of motion.
+    pub model: Model,
+    /// Friction coefficient between tyre and road.
+    pub friction: f64,
+}
+
+impl Default for Plant {
+    fn default() -> Self {
+        Self { model: Model::SingleTrack, friction: TruckParameters::default().friction }
+    }
+}
+
+/// What the trucks perceive.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sensors {
+    /// Scale of the sensor noise: 0 none, 1 as a fused navigation solution has it.
+    pub noise: f64,
+    /// How far ahead an obstacle is seen, CG to centre \[m\].
+    pub range_m: f64,
+    /// How far behind it is still reported, CG to centre \[m\].
+    pub behind_m: f64,
+}
+
+impl Default for Sensors {
+    fn default() -> Self {
+        Self { noise: 0.0, range_m: 80.0, behind_m: 30.0 }
+    }
+}
+
+/// How one truck differs from the nominal one.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TruckOverride {
+    /// Mass \[kg\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Time constant of drive and brake force \[s\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub drive_lag_s: Option<f64>,
+}
+
+impl Scenario {
+    /// The plant calibration of one truck, its overrides applied.
+    pub fn truck_parameters(&self, truck: usize) -> TruckParameters {
+        let nominal = TruckParameters::default();
+        let own = self.trucks.get(&truck.to_string()).copied().unwrap_or_default();
+        TruckParameters::new(
+            own.mass_kg.unwrap_or(NOMINAL_MASS_KG),
+            own.drive_lag_s.unwrap_or(nominal.drive_lag_s),
+            self.plant.friction,
+        )
+    }
+
+    /// How long it runs \[ns\] of bench time.
+    pub fn duration_ns(&self) -> u64 {
+        libm::round(self.duration_s * 1e9) as u64
+    }
+
+    /// The scenario as TOML, every default and override written out; what a recording attaches.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a loaded scenario holds only values TOML can write")
+    }
+}

@@ -1,0 +1,180 @@
+//! What a scenario's numbers may be: a table of keys and ranges, and the rules between keys.
+//!
+//! The ranges are what the bench can represent and simulate, not what is sensible to drive.
+
+use super::Scenario;
+use super::load::ScenarioError;
+use crate::obstacle::LaneChange;
+
+/// Most trucks of a platoon: what a recording has room for.
+pub const TRUCKS_MAX: usize = 16;
+
+/// Most obstacles of a scenario: as many as `platoon.dbc` has pages.
+pub const OBSTACLES_MAX: usize = 8;
+
+/// Fastest anything may go \[m/s\]; the messages carry up to 52 m/s.
+const SPEED_MAX_MPS: f64 = 40.0;
+
+/// Furthest to the side anything may be \[m\].
+const SIDE_MAX_M: f64 = 100.0;
+
+/// Shortest V2V period \[s\]: how often an ECU broadcasts.
+const V2V_PERIOD_MIN_S: f64 = 0.02;
+
+/// Finds what is wrong with one scenario, naming the file, the key, the value and what is allowed.
+pub(super) struct Checker<'a> {
+    file: &'a str,
+}
+
+impl<'a> Checker<'a> {
+    /// Checks a scenario read from `file` (a path, or a built-in's name).
+    pub(super) fn new(file: &'a str) -> Self {
+        Self { file }
+    }
+
+    /// Every rule, in the order of the file.
+    pub(super) fn check(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        self.within("duration_s", s.duration_s, 0.1, 3600.0)?;
+        self.check_platoon(s)?;
+        self.check_road(s)?;
+        self.check_v2v(s)?;
+        self.within("plant.friction", s.plant.friction, 0.05, 1.5)?;
+        self.within("sensors.noise", s.sensors.noise, 0.0, 100.0)?;
+        self.within("sensors.range_m", s.sensors.range_m, 1.0, 500.0)?;
+        self.within("sensors.behind_m", s.sensors.behind_m, 0.0, 500.0)?;
+        self.check_trucks(s)?;
+        self.check_obstacles(s)?;
+        self.check_criteria(s)
+    }
+
+    fn check_platoon(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let p = &s.platoon;
+        if !(1..=TRUCKS_MAX).contains(&p.trucks) {
+            let allowed = format!("1 to {TRUCKS_MAX}");
+            return Err(self.impossible("platoon.trucks", p.trucks, allowed));
+        }
+        self.within("platoon.spacing_m", p.spacing_m, 8.0, 1000.0)?;
+        self.within("platoon.speed_mps", p.speed_mps, 0.0, SPEED_MAX_MPS)?;
+        self.within("platoon.desired_y_m", p.desired_y_m, -SIDE_MAX_M, SIDE_MAX_M)
+    }
+
+    fn check_road(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let r = &s.road;
+        self.within("road.lane_width_m", r.lane_width_m, 2.0, 20.0)?;
+        self.within("road.right_edge_y_m", r.right_edge_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
+        let lowest_m = r.right_edge_y_m + r.lane_width_m;
+        self.within("road.left_edge_y_m", r.left_edge_y_m, lowest_m, SIDE_MAX_M)
+    }
+
+    fn check_v2v(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let v = &s.v2v;
+        self.within("v2v.delay_min_s", v.delay_min_s, 0.0, 5.0)?;
+        self.within("v2v.delay_max_s", v.delay_max_s, v.delay_min_s, 5.0)?;
+        // Below 1, so that no message overtakes an older one.
+        self.within("v2v.delay_rate_max", v.delay_rate_max, 0.0, 0.95)?;
+        self.within("v2v.period_s", v.period_s, V2V_PERIOD_MIN_S, 10.0)?;
+        self.within("v2v.loss", v.loss, 0.0, 1.0)
+    }
+
+    fn check_trucks(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        for (name, truck) in &s.trucks {
+            let known = name.parse().is_ok_and(|n: usize| n < s.platoon.trucks)
+                && (name == "0" || !name.starts_with(['0', '+']));
+            if !known {
+                let allowed = format!("trucks.0 (the leader) to trucks.{}", s.platoon.trucks - 1);
+                return Err(self.impossible("trucks", name, allowed));
+            }
+            if let Some(mass_kg) = truck.mass_kg {
+                self.within(&format!("trucks.{name}.mass_kg"), mass_kg, 1000.0, 60_000.0)?;
+            }
+            if let Some(lag_s) = truck.drive_lag_s {
+                self.within(&format!("trucks.{name}.drive_lag_s"), lag_s, 0.01, 5.0)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_obstacles(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        if s.obstacles.len() > OBSTACLES_MAX {
+            let allowed = format!("at most {OBSTACLES_MAX}");
+            return Err(self.impossible("obstacles", s.obstacles.len(), allowed));
+        }
+        for (index, o) in s.obstacles.iter().enumerate() {
+            let key = |field: &str| format!("obstacles.{}.{field}", index + 1);
+            self.within(&key("x_m"), o.x_m, -100_000.0, 100_000.0)?;
+            self.within(&key("y_m"), o.y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
+            self.within(&key("speed_mps"), o.speed_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+            self.within(&key("appears_s"), o.appears_s, 0.0, 3600.0)?;
+            self.within(&key("length_m"), o.length_m, 0.1, 30.0)?;
+            self.within(&key("width_m"), o.width_m, 0.1, 10.0)?;
+            if let Some(change) = &o.lane_change {
+                self.check_lane_change(change, o.y_m, key)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn check_lane_change(
+        &self,
+        change: &LaneChange,
+        from_y_m: f64,
+        key: impl Fn(&str) -> String,
+    ) -> Result<(), ScenarioError> {
+        self.within(&key("lane_change.to_y_m"), change.to_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
+        self.within(&key("lane_change.from_s"), change.from_s, -3600.0, 3600.0)?;
+        // The quintic's peak speed is 15/8 of its mean; the messages carry up to 52 m/s.
+        let shortest_s = 1.875 * (change.to_y_m - from_y_m).abs() / SPEED_MAX_MPS;
+        let earliest_s = change.from_s + shortest_s.max(0.1);
+        self.within(&key("lane_change.until_s"), change.until_s, earliest_s, 7200.0)
+    }
+
+    fn check_criteria(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let c = &s.criteria;
+        let limits = [
+            ("max_predecessor_error_m", c.max_predecessor_error_m, 0.0),
+            ("settled_position_s", c.settled_position_s, 0.0),
+            ("settled_position_band_m", Some(c.settled_position_band_m), 0.0),
+            ("settled_speed_s", c.settled_speed_s, 0.0),
+            ("settled_speed_band_mps", Some(c.settled_speed_band_mps), 0.0),
+            ("min_clearance_m", c.min_clearance_m, -1e6),
+            ("min_truck_gap_m", c.min_truck_gap_m, -1e6),
+            ("max_steer_rad", c.max_steer_rad, 0.0),
+            ("max_lateral_accel_mps2", c.max_lateral_accel_mps2, 0.0),
+            ("min_y_m", c.min_y_m, -1e6),
+            ("max_y_m", c.max_y_m, -1e6),
+            ("min_force_n", c.min_force_n, -1e6),
+            ("max_force_n", c.max_force_n, -1e6),
+            ("max_force_rate_nps", c.max_force_rate_nps, 0.0),
+            ("max_steer_rate_radps", c.max_steer_rate_radps, 0.0),
+        ];
+        for (name, limit, lowest) in limits {
+            if let Some(limit) = limit {
+                self.within(&format!("criteria.{name}"), limit, lowest, 1e6)?;
+            }
+        }
+        for &number in &c.passed_obstacles {
+            if !(1..=s.obstacles.len()).contains(&number) {
+                let allowed = format!("obstacles 1 to {}", s.obstacles.len());
+                return Err(self.impossible("criteria.passed_obstacles", number, allowed));
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a number outside `[low, high]`, and anything that is not a number.
+    fn within(&self, key: &str, value: f64, low: f64, high: f64) -> Result<(), ScenarioError> {
+        if (low..=high).contains(&value) {
+            return Ok(());
+        }
+        Err(self.impossible(key, value, format!("{low} to {high}")))
+    }
+
+    fn impossible(&self, key: &str, value: impl ToString, allowed: String) -> ScenarioError {
+        ScenarioError::Impossible {
+            file: self.file.to_owned(),
+            key: key.to_owned(),
+            value: value.to_string(),
+            allowed,
+        }
+    }
+}

@@ -1,0 +1,142 @@
+//! Scenarios load, take overrides, and refuse nonsense in one line.
+
+use super::*;
+
+fn load(sets: &[(&str, &str)]) -> Result<Scenario, ScenarioError> {
+    let sets: Vec<_> = sets.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
+    Scenario::load("obstacle-avoidance", &sets)
+}
+
+/// The one-line refusal of an override, which must contain every one of `parts`.
+fn refused(key: &str, value: &str, parts: &[&str]) {
+    let message = load(&[(key, value)]).expect_err(&format!("{key}={value}")).to_string();
+    assert!(!message.contains('\n'), "{message:?} is more than one line");
+    for part in parts.iter().chain(&["obstacle-avoidance"]) {
+        assert!(message.contains(part), "{message:?} does not say {part:?}");
+    }
+}
+
+#[test]
+fn every_built_in_scenario_loads_under_its_own_name() {
+    for summary in Scenario::list() {
+        let scenario = Scenario::load(summary.name, &[]).expect(summary.name);
+        assert_eq!(scenario.name, summary.name);
+        assert!(!summary.description.is_empty());
+    }
+}
+
+#[test]
+fn the_two_scenarios_differ_in_the_v2v_delay_only() {
+    let with = Scenario::load("obstacle-avoidance", &[]).expect("loads");
+    let mut without = Scenario::load("hil-obstacle-avoidance", &[]).expect("loads");
+    assert_eq!((without.v2v.delay_min_s, without.v2v.delay_max_s), (0.0, 0.0));
+    without.v2v = with.v2v;
+    without.name.clone_from(&with.name);
+    without.description.clone_from(&with.description);
+    assert_eq!(with, without);
+}
+
+#[test]
+fn the_second_van_is_where_the_reference_numbers_put_it() {
+    let scenario = load(&[]).expect("loads");
+    let van = &scenario.obstacles[1];
+    assert!((van.motion(49.0).x_m - 797.0).abs() < 1e-9 && van.appears_s == 40.0);
+}
+
+#[test]
+fn overrides_reach_their_keys() {
+    let scenario = load(&[
+        ("platoon.trucks", "6"),
+        ("platoon.speed_mps", "20"),
+        ("v2v.loss", "0.1"),
+        ("obstacles.1.x_m", "70.5"),
+        ("obstacles.2.kind", "pedestrian"),
+        ("obstacles.2.lane_change.to_y_m", "0"),
+    ]);
+    assert!(scenario.is_err(), "half a lane change must be refused");
+    let scenario = load(&[
+        ("platoon.trucks", "6"),
+        ("platoon.speed_mps", "20"),
+        ("obstacles.1.x_m", "70.5"),
+        ("obstacles.2.kind", "pedestrian"),
+        ("trucks.5.mass_kg", "9000"),
+        ("trucks.0.drive_lag_s", "0.4"),
+        ("criteria.min_clearance_m", "0.5"),
+        ("law.lml_every_ticks", "50"),
+        ("law.anything.deep", "[1, 2]"),
+    ])
+    .expect("loads");
+    assert_eq!((scenario.platoon.trucks, scenario.platoon.speed_mps), (6, 20.0));
+    assert_eq!(scenario.obstacles[0].x_m, 70.5);
+    assert_eq!(scenario.obstacles[1].kind, crate::obstacle::Kind::Pedestrian);
+    assert_eq!(scenario.truck_parameters(5).mass_kg, 9000.0);
+    assert_eq!(scenario.truck_parameters(4).mass_kg, 5760.0);
+    assert_eq!(scenario.truck_parameters(0).drive_lag_s, 0.4);
+    assert_eq!(scenario.criteria.min_clearance_m, Some(0.5));
+    assert_eq!(scenario.law["lml_every_ticks"].as_integer(), Some(50));
+}
+
+#[test]
+fn a_written_scenario_loads_back_the_same() {
+    let scenario = load(&[("trucks.1.mass_kg", "8000"), ("law.x", "1")]).expect("loads");
+    let back: Scenario = toml::from_str(&scenario.to_toml()).expect("parses");
+    assert_eq!(back, scenario);
+}
+
+#[test]
+fn impossible_values_are_refused_with_key_value_and_range() {
+    refused("platoon.trucks", "0", &["platoon.trucks", "0", "1 to 16"]);
+    refused("platoon.speed_mps", "nan", &["platoon.speed_mps", "NaN", "0 to 40"]);
+    refused("platoon.spacing_m", "-5", &["platoon.spacing_m", "-5"]);
+    refused("trucks.1.mass_kg", "-1", &["trucks.1.mass_kg", "-1", "1000"]);
+    refused("trucks.4.mass_kg", "5000", &["trucks", "trucks.3"]);
+    refused("plant.friction", "0", &["plant.friction", "0.05"]);
+    refused("v2v.delay_min_s", "0.2", &["v2v.delay_max_s = 0.15", "0.2 to 5"]);
+    refused("v2v.delay_max_s", "inf", &["v2v.delay_max_s"]);
+    refused("v2v.loss", "1.5", &["v2v.loss", "0 to 1"]);
+    refused("duration_s", "0", &["duration_s"]);
+    refused("obstacles.1.width_m", "0", &["obstacles.1.width_m"]);
+    refused("criteria.passed_obstacles", "[3]", &["passed_obstacles", "1 to 2"]);
+    refused("criteria.max_steer_rad", "nan", &["criteria.max_steer_rad"]);
+}
+
+#[test]
+fn unknown_keys_and_wrong_types_are_refused_with_what_is_allowed() {
+    refused("platoon.speed_kmh", "60", &["platoon.speed_kmh", "speed_mps"]);
+    refused("platon.trucks", "4", &["platon.trucks", "platoon"]);
+    refused("platoon.trucks", "four", &["platoon.trucks=four", "whole number"]);
+    refused("platoon.trucks", "4.5", &["platoon.trucks=4.5"]);
+    refused("platoon.trucks", "-4", &["platoon.trucks=-4"]);
+    refused("platoon.trucks.x", "4", &["platoon.trucks is a value"]);
+    refused("plant.model", "two-track", &["two-track", "single-track"]);
+    refused("obstacles.3.x_m", "1", &["obstacles.1 to obstacles.2"]);
+    refused("obstacles.0.x_m", "1", &["obstacles.1 to obstacles.2"]);
+    refused("obstacles.first.x_m", "1", &["obstacles.1 to obstacles.2"]);
+    refused("obstacles", "3", &["obstacles=3"]);
+    refused("obstacles.1.kind", "cow", &["cow", "vehicle"]);
+    refused("trucks.one.mass_kg", "5000", &["one", "trucks.0"]);
+    refused("", "1", &["empty"]);
+    refused("platoon.", "1", &["empty"]);
+    refused("sensors.noise", "on", &["sensors.noise=on"]);
+}
+
+#[test]
+fn an_unknown_scenario_lists_the_known_ones() {
+    let message = Scenario::load("obstacle-avoidence", &[]).expect_err("unknown").to_string();
+    assert!(message.contains("hil-obstacle-avoidance") && !message.contains('\n'), "{message}");
+}
+
+#[test]
+fn a_broken_file_is_refused_with_its_line() {
+    let folder = std::env::temp_dir().join(format!("platoon-scenario-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("temp folder");
+    let path = folder.join("broken.toml");
+    std::fs::write(&path, "name = \"x\"\nduration_s = = 3\n").expect("write");
+    let name = path.to_str().expect("utf-8 path").to_owned();
+    let message = Scenario::load(&name, &[]).expect_err("broken").to_string();
+    let folder_message =
+        Scenario::load(folder.to_str().expect("utf-8 path"), &[]).expect_err("folder").to_string();
+    std::fs::remove_dir_all(&folder).expect("clean up");
+    assert!(message.contains("broken.toml") && message.contains("line 2"), "{message}");
+    assert!(!message.contains('\n') && folder_message.contains("folder"));
+}
