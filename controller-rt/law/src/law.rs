@@ -181,3 +181,7 @@ fn keep_plan(memory: &mut Memory, solution: &Solution) -> (Outcome, [f64; 3]) {
     };
     (outcome, slack)
 }
+
+#[cfg(test)]
+#[path = "law/tests.rs"]
+mod tests;

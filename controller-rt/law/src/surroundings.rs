@@ -204,3 +204,7 @@ impl Threat {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "surroundings/tests.rs"]
+mod tests;

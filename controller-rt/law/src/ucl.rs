@@ -122,3 +122,7 @@ fn delayed_pair(cal: &UclCalibration, memory: &Memory, seen: &Observation) -> Op
         }
     })
 }
+
+#[cfg(test)]
+#[path = "ucl/tests.rs"]
+mod tests;
