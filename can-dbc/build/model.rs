@@ -425,7 +425,7 @@ fn find_pages(signals: &[Signal]) -> Result<Option<Pages>, String> {
         }
     }
     let count = paged.len() / stride;
-    if paged.len() % stride != 0 || signals[multiplexor].raw_max + 1 != count as i64 {
+    if !paged.len().is_multiple_of(stride) || signals[multiplexor].raw_max + 1 != count as i64 {
         return Err(format!(
             "the multiplexor's range must be its {count} whole pages"
         ));

@@ -1,13 +1,19 @@
 //! The bus: one trait, three back-ends, and what can happen on any of them.
 
+mod kernel_socket;
 mod loopback;
+mod port_lease;
+mod socketcan;
+mod udp;
 
 pub use loopback::Loopback;
+pub use port_lease::PortLease;
+pub use socketcan::SocketCan;
+pub use udp::{Udp, UdpOptions};
 
 use crate::frame::Frame;
 use core::time::Duration;
 use std::net::Ipv4Addr;
-use std::path::PathBuf;
 
 /// Kind of a bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -190,22 +196,20 @@ pub enum OpenError {
         /// Interface asked for.
         interface: String,
     },
-    /// The interface is no CAN interface.
-    #[error("interface {interface}: not a CAN interface; name a vcan, vxcan or can interface")]
+    /// The interface's MTU is neither that of classic CAN nor that of CAN FD.
+    #[error("interface {interface}: no CAN FD interface; name a vcan, vxcan or can one (MTU 72)")]
     NotCan {
         /// Interface asked for.
         interface: String,
     },
     /// The interface carries classic frames only.
     #[error(
-        "interface {interface}: its MTU {mtu} carries no CAN FD frames; set it down, \
+        "interface {interface}: it carries classic frames only (MTU 16); set it down, \
          `ip link set {interface} mtu 72`, and up again"
     )]
     NotFd {
         /// Interface asked for.
         interface: String,
-        /// Its MTU; CAN FD needs 72.
-        mtu: u32,
     },
     /// The interface is down.
     #[error("interface {interface}: it is down; `ip link set {interface} up`")]
@@ -233,16 +237,22 @@ pub enum OpenError {
     },
     /// Every port tried is leased.
     #[error(
-        "udp ports {first} to {last}: all leased by other runs (lock files in {folder}); end one \
-         of them or choose another first port"
+        "udp ports {first} to {last}: all taken by other runs or programs; end one of them or \
+         choose another first port"
     )]
     AllPortsLeased {
         /// First port tried.
         first: u16,
         /// Last port tried.
         last: u16,
-        /// Where the lock files are.
-        folder: PathBuf,
+    },
+    /// The tag is too long for the datagrams.
+    #[error("tag {tag}: longer than {max} bytes; choose a shorter one, such as truck0")]
+    LongTag {
+        /// Tag asked for.
+        tag: String,
+        /// Longest tag in bytes.
+        max: usize,
     },
     /// Anything else the operating system said.
     #[error("{what}: cannot {step}: {source}")]
@@ -254,4 +264,31 @@ pub enum OpenError {
         /// What the operating system said.
         source: std::io::Error,
     },
+}
+
+/// Sorts and counts what the operating system said to a send.
+fn count_send_error(counts: &mut BusCounts, error: &std::io::Error) -> SendError {
+    let code = error.raw_os_error().unwrap_or_default();
+    match code {
+        libc::ENOBUFS | libc::EAGAIN => {
+            counts.send_full += 1;
+            return SendError::BufferFull;
+        }
+        _ => counts.send_failed += 1,
+    }
+    match code {
+        libc::ENETDOWN | libc::ENETUNREACH | libc::ENODEV | libc::ENXIO => SendError::Down,
+        // What SocketCAN answers to an FD frame on an interface that turned classic.
+        libc::EINVAL => SendError::Unsupported,
+        _ => SendError::Os(code),
+    }
+}
+
+/// Sorts and counts what the operating system said to a receive.
+fn count_receive_error(counts: &mut BusCounts, error: &std::io::Error) -> ReceiveError {
+    counts.receive_failed += 1;
+    match error.raw_os_error().unwrap_or_default() {
+        libc::ENETDOWN | libc::ENODEV | libc::ENXIO => ReceiveError::Down,
+        code => ReceiveError::Os(code),
+    }
 }

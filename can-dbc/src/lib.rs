@@ -3,8 +3,8 @@
 //! `platoon.dbc` is the single source. The build turns it into one struct per message
 //! ([`EgoState`], [`Actuation`], ...), the enum [`Message`] over all of them, and the table
 //! [`MESSAGES`] for tools. Every frame carries an alive counter and a CRC after AUTOSAR E2E
-//! Profile 5 ([`e2e`]). Frames travel over one [`Bus`], of which there are three: SocketCan,
-//! Udp (python-can's `udp_multicast` format on loopback) and [`Loopback`] (in memory).
+//! Profile 5 ([`e2e`]). Frames travel over one [`Bus`], of which there are three: [`SocketCan`],
+//! [`Udp`] (python-can's `udp_multicast` format on loopback) and [`Loopback`] (in memory).
 //!
 //! This crate knows nobody: no controller, no plant, no recorder. It reads no clock; whoever needs
 //! time gets a [`Clock`]. Encoding, decoding, sending and receiving neither allocate nor block.
@@ -34,8 +34,8 @@ pub mod probe;
 mod time;
 
 pub use bus::{
-    Backend, Bus, BusCounts, ErrorFrameCounts, Loopback, OpenError, ReceiveError, Received,
-    SendError,
+    Backend, Bus, BusCounts, ErrorFrameCounts, Loopback, OpenError, PortLease, ReceiveError,
+    Received, SendError, SocketCan, Udp, UdpOptions,
 };
 pub use codec::{
     ByteOrder, DecodeError, EncodeError, MessageInfo, SignalInfo, decode_signals, message_info,
