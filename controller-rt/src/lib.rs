@@ -1,1 +1,40 @@
-//! Under construction.
+//! The ECU: a periodic loop between one truck's CAN bus and the control law.
+//!
+//! ```text
+//! wait -> drain -> observe -> step -> admit -> send -> record
+//! ```
+//!
+//! - [`Pacer`] waits: slots half a period after the rig publishes, absolute deadlines, skips.
+//! - `Inbox` drains at most so many frames, checks E2E protection and counts what it refuses.
+//! - `Picture` keeps the newest message of each kind with its age and makes the observation.
+//! - [`Controller`] is the slot the law fits into.
+//! - [`guard`] admits: its own limits, its own constants, no trust in the law.
+//! - `Outbox` sends: command, V2V broadcast, status.
+//! - The recording goes into a ring; a thread of the recorder writes it.
+//!
+//! The same [`Ecu::tick`] runs in real time ([`run`]) and in virtual time. The crate reads no
+//! clock, file or environment variable: a [`Clock`](platoon_dbc::Clock) is passed in. It does not
+//! acquire real-time privileges either. In the steady state a tick neither allocates nor locks.
+
+mod controller;
+mod ecu;
+pub mod guard;
+mod inbox;
+mod laps;
+mod outbox;
+mod pacer;
+mod phase_lock;
+mod picture;
+mod recording;
+mod report;
+mod snapshot;
+mod statistics;
+
+pub use controller::{Controller, Phase};
+pub use ecu::{Config, Ecu, RIG_SILENT_NS, run};
+pub use inbox::{Drained, InboxCounts};
+pub use outbox::OutboxCounts;
+pub use pacer::{Pacer, Slot};
+pub use phase_lock::{Arrival, PhaseLock};
+pub use recording::join_snapshot;
+pub use report::{Ending, Percentiles, QpTotals, Realtime, Report};

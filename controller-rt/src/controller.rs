@@ -1,0 +1,23 @@
+//! The slot a control law fits into.
+
+use law::{Decision, Observation};
+
+pub use law::Phase;
+
+/// A control law with its memory.
+///
+/// The ECU asks it once per tick, tells it what the guard made of the answer, and saves its memory
+/// now and then. Nothing here may allocate, block or panic.
+pub trait Controller: Send {
+    /// The command for what is seen; `mark` is called at the end of each phase that took place.
+    fn step(&mut self, seen: &Observation, mark: &mut dyn FnMut(Phase)) -> Decision;
+
+    /// What was really sent, which may differ from the decision, or came without one.
+    fn note_applied(&mut self, force_n: f64, steering_rad: f64);
+
+    /// Writes the memory; the bytes used, `None` when they do not fit.
+    fn save(&self, out: &mut [u8]) -> Option<usize>;
+
+    /// Takes back a memory that [`save`](Self::save) wrote; false when it is damaged.
+    fn restore(&mut self, bytes: &[u8]) -> bool;
+}

@@ -1,0 +1,365 @@
+//! The ECU and its loop: wait, drain, observe, step, admit, send, record.
+//!
+//! The same [`Ecu::tick`] runs in real time, where [`run`] waits for each slot, and in virtual
+//! time, where whoever owns the clock calls it directly.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+use core::time::Duration;
+
+use law::{Decision, Observation, Outcome};
+use platoon_dbc::{ActuationStatus, Bus, Clock, EcuMode, RunState};
+use traces::Recorder;
+
+use crate::controller::Controller;
+use crate::guard::{Admitted, Guard, Plan, Proposal};
+use crate::inbox::{Drained, Inbox};
+use crate::laps::Laps;
+use crate::outbox::{Health, Outbox};
+use crate::pacer::{Pacer, Slot};
+use crate::phase_lock::{Arrival, PhaseLock};
+use crate::picture::Picture;
+use crate::recording::{Recording, TickFacts};
+use crate::report::{Ending, Realtime, Report};
+use crate::snapshot::SnapshotBuffer;
+use crate::statistics::Statistics;
+
+/// A running rig that sends no `EgoState` for this long of executed ticks \[ns\] is gone.
+pub const RIG_SILENT_NS: u64 = 2_000_000_000;
+/// How long the start-up waits for a frame before it looks at the stop flag and its status again.
+const START_WAIT: Duration = Duration::from_millis(10);
+
+/// What makes one ECU differ from another.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Config {
+    /// Truck this ECU drives, 0 is the leader; missions for others are refused.
+    pub truck: u8,
+    /// Identifier of the gain in use, for `EcuStatus`; 0 when it is from no library.
+    pub gain_id: u8,
+    /// Real-time privileges obtained, for the report.
+    pub realtime: Option<Realtime>,
+}
+
+/// One truck's ECU.
+pub struct Ecu {
+    config: Config,
+    bus: Box<dyn Bus>,
+    controller: Box<dyn Controller>,
+    recording: Recording,
+    inbox: Inbox,
+    picture: Picture,
+    guard: Guard,
+    outbox: Outbox,
+    statistics: Statistics,
+    snapshot: SnapshotBuffer,
+    mode: EcuMode,
+    /// Executed ticks since the last `EgoState`: a pause of the whole machine adds none.
+    silent_ticks: u64,
+}
+
+/// Runs the ECU in real time until the mission ends, the rig falls silent or `stop` is set.
+///
+/// Scheduling class, affinity and locked memory are the caller's business.
+pub fn run(mut ecu: Ecu, clock: &dyn Clock, stop: &AtomicBool) -> Report {
+    if let Some(mut pacer) = ecu.start_up(clock, stop) {
+        while ecu.mode == EcuMode::Running && !stop.load(Ordering::Relaxed) {
+            let Some(slot) = pacer.wait(clock) else {
+                continue;
+            }; // wait
+            if let Some((bench_ns, arrival)) = ecu.tick(slot, clock).ego_arrival {
+                pacer.note_ego(bench_ns, arrival);
+            }
+        }
+    }
+    ecu.finish(clock)
+}
+
+impl Ecu {
+    /// Runs one slot.
+    pub fn tick(&mut self, slot: Slot, clock: &dyn Clock) -> Drained {
+        let mut laps = Laps::start(clock, slot.due_ns);
+        let drained = self.drain(slot.number, slot.time_ns, laps.last_ns()); // drain
+        let seen = self.picture.observe(slot.time_ns); // observe
+        laps.drained();
+        let decision = seen.as_ref().map(|seen| self.step(seen, &mut laps)); // step
+        let admitted = self.admit(slot.time_ns, decision.as_ref()); // admit
+        laps.guarded();
+        self.send(&slot, decision.as_ref(), &admitted, laps.last_ns()); // send
+        let times = laps.sent();
+        let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
+        let miss_cause = self.statistics.count_times(&times, period_ns, slot.skipped);
+        self.record(&TickFacts {
+            slot,
+            times,
+            miss_cause,
+            decision,
+            admitted,
+        }); // record
+        self.watch_rig(drained.ego, period_ns);
+        drained
+    }
+
+    /// An ECU on its bus, with its control law, recording if there is a recorder.
+    #[must_use]
+    pub fn new(
+        config: Config,
+        bus: Box<dyn Bus>,
+        controller: Box<dyn Controller>,
+        recorder: Option<Recorder>,
+    ) -> Self {
+        let truck = config.truck;
+        Self {
+            config,
+            bus,
+            controller,
+            recording: Recording::new(recorder, truck),
+            inbox: Inbox::new(),
+            picture: Picture::new(truck),
+            guard: Guard::new(),
+            outbox: Outbox::new(),
+            statistics: Statistics::new(),
+            snapshot: SnapshotBuffer::new(),
+            mode: EcuMode::Waiting,
+            silent_ticks: 0,
+        }
+    }
+
+    /// Before the first slot: takes what came, sends the status that is due.
+    ///
+    /// The mode is `Running` once both a mission and an `EgoState` are there.
+    pub fn prepare(&mut self, clock: &dyn Clock) -> Drained {
+        let now_ns = clock.now_ns();
+        let (tick, time_ns) = self
+            .picture
+            .ego()
+            .map_or((0, 0), |ego| (ego.tick, ego.bench_time_ns));
+        let drained = self.drain(tick, time_ns, now_ns);
+        let before = self.mode;
+        self.mode = match (
+            self.picture.mission().map(|m| m.run_state),
+            self.picture.ego(),
+        ) {
+            (None, _) => EcuMode::Waiting,
+            (Some(RunState::Ended), _) => EcuMode::Ended,
+            (Some(_), None) => EcuMode::Ready,
+            (Some(_), Some(_)) => EcuMode::Running,
+        };
+        if self.mode == before {
+            self.outbox.status(
+                &mut *self.bus,
+                now_ns,
+                self.mode,
+                health(&self.config, &self.statistics),
+            );
+        } else {
+            self.outbox.status_now(
+                &mut *self.bus,
+                now_ns,
+                self.mode,
+                health(&self.config, &self.statistics),
+            );
+        }
+        drained
+    }
+
+    /// What the ECU is doing.
+    #[must_use]
+    pub const fn mode(&self) -> EcuMode {
+        self.mode
+    }
+
+    /// The loop's period \[ns\], once a mission has told it.
+    #[must_use]
+    pub fn period_ns(&self) -> Option<u64> {
+        self.picture.period_ns()
+    }
+
+    /// Continues from a recorded snapshot; false when it is damaged or another truck's.
+    ///
+    /// The snapshot is that of [`join_snapshot`](crate::join_snapshot).
+    pub fn restore(&mut self, bytes: &[u8]) -> bool {
+        let Some(saved) = crate::snapshot::read(bytes, self.config.truck) else {
+            return false;
+        };
+        if !self.controller.restore(saved.controller) {
+            return false;
+        }
+        (self.guard, self.picture) = (saved.guard, saved.picture);
+        self.outbox.restore(saved.outbox);
+        self.mode = EcuMode::Running;
+        true
+    }
+
+    /// Says goodbye on the bus, closes the recording and reports.
+    #[must_use]
+    pub fn finish(mut self, clock: &dyn Clock) -> Report {
+        let ending = match self.mode {
+            EcuMode::Ended => Ending::MissionEnded,
+            EcuMode::Fault => Ending::RigSilent,
+            EcuMode::Waiting | EcuMode::Ready | EcuMode::Running => Ending::Stopped,
+        };
+        if self.mode != EcuMode::Fault {
+            self.mode = EcuMode::Ended;
+        }
+        let health = health(&self.config, &self.statistics);
+        self.outbox
+            .status_now(&mut *self.bus, clock.now_ns(), self.mode, health);
+        let (dropped_records, recording_error) = self.recording.finish();
+        Report {
+            truck: self.config.truck,
+            rate_hz: self
+                .picture
+                .period_ns()
+                .map_or(0.0, |period_ns| 1e9 / period_ns as f64),
+            ending,
+            ticks: self.statistics.ticks(),
+            misses: self.statistics.misses(),
+            skipped: self.statistics.skipped(),
+            dropped_records,
+            recording_error,
+            realtime: self.config.realtime,
+            phase_us: self.statistics.percentiles(),
+            qp: self.statistics.qp(),
+            miss_causes: self.statistics.miss_causes(),
+            guard: self.statistics.guard_reasons(),
+            received: self.inbox.counts(),
+            sent: self.outbox.counts(),
+            receive_overflow: self.bus.counts().receive_overflow,
+        }
+    }
+
+    /// Waits for mission and first `EgoState`, answering with status; `None` when there is no run.
+    fn start_up(&mut self, clock: &dyn Clock, stop: &AtomicBool) -> Option<Pacer> {
+        let mut lock = PhaseLock::new();
+        while !stop.load(Ordering::Relaxed) {
+            if self.bus.wait(START_WAIT).is_err() {
+                // A bus that is down reports at once; do not spin on it.
+                clock.sleep_until_ns(clock.now_ns() + START_WAIT.as_nanos() as u64);
+            }
+            let drained = self.prepare(clock);
+            if let Some(arrival) = drained.first_arrival {
+                lock.note_frame(arrival);
+            }
+            if self.mode == EcuMode::Ended {
+                return None;
+            }
+            let period_ns = self.picture.period_ns();
+            if let (Some((bench_ns, arrival)), Some(period_ns)) = (drained.ego_arrival, period_ns) {
+                lock.note_ego(bench_ns, arrival, period_ns);
+                if self.mode == EcuMode::Running {
+                    return Some(Pacer::new(period_ns, lock, bench_ns));
+                }
+            }
+        }
+        None
+    }
+
+    fn drain(&mut self, tick: u32, time_ns: u64, now_ns: u64) -> Drained {
+        let recording = &mut self.recording;
+        self.inbox
+            .drain(&mut *self.bus, &mut self.picture, now_ns, |received| {
+                recording.frame(received, tick, time_ns);
+            })
+    }
+
+    fn step(&mut self, seen: &Observation, laps: &mut Laps<'_>) -> Decision {
+        let decision = self.controller.step(seen, &mut |phase| laps.stepped(phase));
+        self.statistics.count_decision(&decision);
+        decision
+    }
+
+    fn admit(&mut self, now_ns: u64, decision: Option<&Decision>) -> Admitted {
+        let proposal = decision.map(|decision| Proposal {
+            force_n: decision.force_n,
+            steering_rad: decision.steering_rad,
+            plan: plan(decision.outcome),
+        });
+        let admitted = self
+            .guard
+            .admit(now_ns, proposal, self.picture.own_motion(now_ns));
+        self.controller
+            .note_applied(admitted.force_n, admitted.steering_rad);
+        self.statistics.count_guard(admitted.reason);
+        admitted
+    }
+
+    fn send(
+        &mut self,
+        slot: &Slot,
+        decision: Option<&Decision>,
+        admitted: &Admitted,
+        clock_ns: u64,
+    ) {
+        let bus = &mut *self.bus;
+        let answers_tick = self.picture.ego().map_or(slot.number, |ego| ego.tick);
+        let status = actuation_status(decision, admitted);
+        let command = (admitted.force_n, admitted.steering_rad);
+        self.outbox.command(bus, answers_tick, command, status);
+        // A truck that does not know where it is says nothing rather than something old.
+        if let (Some(decision), Some(ego)) = (decision, self.picture.ego()) {
+            self.outbox
+                .broadcast(bus, slot.time_ns, ego, decision.intended_accel_mps2);
+        }
+        self.outbox.status(
+            bus,
+            clock_ns,
+            self.mode,
+            health(&self.config, &self.statistics),
+        );
+    }
+
+    fn record(&mut self, facts: &TickFacts) {
+        self.recording.tick(facts);
+        if self.recording.wants_snapshot(facts.slot.time_ns) {
+            let saved = self.snapshot.write(
+                &self.guard,
+                self.outbox.state(),
+                &self.picture,
+                &*self.controller,
+            );
+            self.recording.snapshot(&facts.slot, saved);
+        }
+    }
+
+    /// Notices the end of the run.
+    fn watch_rig(&mut self, ego_came: bool, period_ns: u64) {
+        self.silent_ticks = if ego_came { 0 } else { self.silent_ticks + 1 };
+        if self
+            .picture
+            .mission()
+            .is_some_and(|mission| mission.run_state == RunState::Ended)
+        {
+            self.mode = EcuMode::Ended;
+        } else if self.silent_ticks.saturating_mul(period_ns) >= RIG_SILENT_NS {
+            self.mode = EcuMode::Fault;
+        }
+    }
+}
+
+fn plan(outcome: Outcome) -> Plan {
+    match outcome {
+        Outcome::Solved => Plan::Solved,
+        Outcome::Held => Plan::Held,
+        Outcome::IterationCap | Outcome::Infeasible => Plan::Shifted,
+    }
+}
+
+fn actuation_status(decision: Option<&Decision>, admitted: &Admitted) -> ActuationStatus {
+    match decision.map(|decision| decision.outcome) {
+        _ if admitted.reason.replaces() => ActuationStatus::Guard,
+        None => ActuationStatus::Guard,
+        Some(Outcome::Solved | Outcome::Held) => ActuationStatus::Solved,
+        Some(Outcome::IterationCap | Outcome::Infeasible) => ActuationStatus::HeldPreviousPlan,
+    }
+}
+
+fn health(config: &Config, statistics: &Statistics) -> Health {
+    Health {
+        gain_id: config.gain_id,
+        ticks: statistics.ticks(),
+        misses: statistics.misses(),
+        skipped: statistics.skipped(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,260 @@
+//! When the loop runs: one slot per period, half a period after the rig publishes.
+//!
+//! Slot n stands for bench time n·T and is due at offset + n·T + T/2 on the clock, an absolute
+//! deadline. A slot may start at most half a period late: until then the newest `EgoState` is still
+//! the one the slot stands for. Later than that it is passed over and the next grid point is taken,
+//! so starts are never closer than half a period and an overrun is never followed by a burst
+//! (the Skip strategy of A. Cervin, *Analysis of overrun strategies in periodic control tasks*,
+//! IFAC 2005). The law is told the slot's time, so the elapsed time it sees is always true.
+
+use platoon_dbc::Clock;
+
+use crate::phase_lock::{Arrival, PhaseLock};
+
+/// One period of the loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Slot {
+    /// Grid points since bench time 0.
+    pub number: u32,
+    /// Bench time the slot stands for \[ns\].
+    pub time_ns: u64,
+    /// Clock reading at which the slot was due \[ns\].
+    pub due_ns: u64,
+    /// Grid points passed over since the previous slot.
+    pub skipped: u32,
+}
+
+impl Slot {
+    /// Slot `number` of a loop with this period, due now: the slot of virtual time.
+    #[must_use]
+    pub fn on_time(number: u32, period_ns: u64, clock: &dyn Clock) -> Self {
+        let time_ns = u64::from(number) * period_ns;
+        Self {
+            number,
+            time_ns,
+            due_ns: clock.now_ns(),
+            skipped: 0,
+        }
+    }
+}
+
+/// Hands out slots at their times.
+#[derive(Debug, Clone)]
+pub struct Pacer {
+    period_ns: u64,
+    lock: PhaseLock,
+    next: u64,
+    skipped: u32,
+}
+
+impl Pacer {
+    /// A pacer whose first slot is the one of bench time `bench_ns`; `lock` must have an offset.
+    #[must_use]
+    pub fn new(period_ns: u64, lock: PhaseLock, bench_ns: u64) -> Self {
+        let period_ns = period_ns.max(1);
+        Self {
+            period_ns,
+            lock,
+            next: bench_ns / period_ns,
+            skipped: 0,
+        }
+    }
+
+    /// Sleeps until the next slot is due and returns it.
+    ///
+    /// `None` when the sleep ended too late for that slot: call again, it has been counted.
+    pub fn wait(&mut self, clock: &dyn Clock) -> Option<Slot> {
+        self.pass_over_late(clock.now_ns());
+        let number = self.next;
+        let due_ns = self.due_ns(number);
+        clock.sleep_until_ns(due_ns);
+        self.pass_over_late(clock.now_ns());
+        if self.next != number {
+            return None;
+        }
+        let skipped = core::mem::take(&mut self.skipped);
+        self.next += 1;
+        self.lock.creep(skipped.saturating_add(1), self.period_ns);
+        Some(Slot {
+            number: u32::try_from(number).unwrap_or(u32::MAX),
+            time_ns: number * self.period_ns,
+            due_ns,
+            skipped,
+        })
+    }
+
+    /// Tells the pacer of an `EgoState`, for tracking the grid.
+    pub fn note_ego(&mut self, bench_ns: u64, arrival: Arrival) {
+        self.lock.note_ego(bench_ns, arrival, self.period_ns);
+    }
+
+    /// Clock reading at which slot `number` is due \[ns\].
+    fn due_ns(&self, number: u64) -> u64 {
+        let middle_ns = number * self.period_ns + self.period_ns / 2;
+        middle_ns.saturating_add_signed(self.lock.offset_ns().unwrap_or(0))
+    }
+
+    /// Passes over every slot that may no longer start at `now_ns`.
+    fn pass_over_late(&mut self, now_ns: u64) {
+        let latest_start_ns = self.due_ns(self.next) + self.period_ns / 2;
+        let Some(late_ns) = now_ns.checked_sub(latest_start_ns + 1) else {
+            return;
+        };
+        let passed = late_ns / self.period_ns + 1;
+        self.next += passed;
+        self.skipped = self
+            .skipped
+            .saturating_add(u32::try_from(passed).unwrap_or(u32::MAX));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::cell::Cell;
+
+    use super::*;
+
+    const PERIOD_NS: u64 = 1_000_000;
+    const OFFSET_NS: u64 = 50_000_000;
+
+    /// A clock that moves only when slept on, and oversleeps once by `oversleep_ns`.
+    struct FakeClock {
+        now_ns: Cell<u64>,
+        oversleep_ns: Cell<u64>,
+    }
+
+    impl FakeClock {
+        fn at(now_ns: u64) -> Self {
+            Self {
+                now_ns: Cell::new(now_ns),
+                oversleep_ns: Cell::new(0),
+            }
+        }
+
+        fn advance(&self, by_ns: u64) {
+            self.now_ns.set(self.now_ns.get() + by_ns);
+        }
+    }
+
+    impl Clock for FakeClock {
+        fn now_ns(&self) -> u64 {
+            self.now_ns.get()
+        }
+
+        fn sleep_until_ns(&self, deadline_ns: u64) {
+            self.now_ns
+                .set(self.now_ns.get().max(deadline_ns) + self.oversleep_ns.take());
+        }
+    }
+
+    fn pacer() -> Pacer {
+        let mut lock = PhaseLock::new();
+        lock.note_ego(
+            0,
+            Arrival {
+                now_ns: OFFSET_NS,
+                stamp_ns: 0,
+            },
+            PERIOD_NS,
+        );
+        Pacer::new(PERIOD_NS, lock, 0)
+    }
+
+    fn next(pacer: &mut Pacer, clock: &FakeClock) -> Slot {
+        (0..3)
+            .find_map(|_| pacer.wait(clock))
+            .expect("a slot within three sleeps")
+    }
+
+    #[test]
+    fn slots_fall_half_a_period_after_the_rig_publishes() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        for number in 0..5_u32 {
+            let slot = next(&mut pacer, &clock);
+            assert_eq!((slot.number, slot.skipped), (number, 0));
+            assert_eq!(slot.time_ns, u64::from(number) * PERIOD_NS);
+            assert_eq!(
+                clock.now_ns(),
+                OFFSET_NS + u64::from(number) * PERIOD_NS + PERIOD_NS / 2
+            );
+        }
+    }
+
+    #[test]
+    fn work_that_ends_before_the_deadline_skips_nothing() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        for number in 0..5 {
+            assert_eq!(next(&mut pacer, &clock).number, number);
+            clock.advance(PERIOD_NS - 1);
+        }
+    }
+
+    #[test]
+    fn a_short_overrun_starts_the_next_slot_late_but_costs_none() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        next(&mut pacer, &clock);
+        clock.advance(PERIOD_NS + PERIOD_NS / 2);
+        let slot = next(&mut pacer, &clock);
+        assert_eq!((slot.number, slot.skipped), (1, 0));
+        assert_eq!(clock.now_ns() - slot.due_ns, PERIOD_NS / 2);
+    }
+
+    #[test]
+    fn a_long_overrun_skips_to_the_next_grid_point() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        next(&mut pacer, &clock);
+        clock.advance(PERIOD_NS + PERIOD_NS / 2 + 1);
+        let slot = next(&mut pacer, &clock);
+        assert_eq!((slot.number, slot.skipped), (2, 1));
+        assert_eq!(clock.now_ns(), slot.due_ns, "it waited for the grid point");
+    }
+
+    #[test]
+    fn a_long_pause_is_never_caught_up_in_a_burst() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        next(&mut pacer, &clock);
+        clock.advance(5_000_700_000);
+        let (mut last_ns, mut total) = (0, 1);
+        for _ in 0..10 {
+            let slot = next(&mut pacer, &clock);
+            let now_ns = clock.now_ns();
+            assert!(
+                now_ns - last_ns >= PERIOD_NS / 2,
+                "starts are half a period apart"
+            );
+            last_ns = now_ns;
+            total += 1 + slot.skipped;
+            assert_eq!(
+                slot.number + 1,
+                total,
+                "every grid point is run or counted as skipped"
+            );
+        }
+    }
+
+    #[test]
+    fn an_overslept_slot_is_counted_and_the_next_one_is_true_to_the_grid() {
+        let (mut pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        next(&mut pacer, &clock);
+        clock.oversleep_ns.set(2 * PERIOD_NS + 600_000);
+        assert_eq!(pacer.wait(&clock), None);
+        let slot = next(&mut pacer, &clock);
+        assert_eq!((slot.number, slot.skipped), (4, 3));
+        assert_eq!(slot.time_ns, 4 * PERIOD_NS);
+    }
+
+    #[test]
+    fn a_pacer_that_joins_late_numbers_its_slots_by_bench_time() {
+        let mut lock = PhaseLock::new();
+        lock.note_ego(
+            7 * PERIOD_NS,
+            Arrival {
+                now_ns: 9_000_000,
+                stamp_ns: 0,
+            },
+            PERIOD_NS,
+        );
+        let mut pacer = Pacer::new(PERIOD_NS, lock, 7 * PERIOD_NS);
+        assert_eq!(next(&mut pacer, &FakeClock::at(9_000_000)).number, 7);
+    }
+}

@@ -1,0 +1,365 @@
+//! What the ECU believes about the world: the newest message of each kind, and how old it is.
+//!
+//! Ages are counted in bench time from the instant the sender measured, so transport and holding
+//! count alike. A message is *fresh*, *stale* (still used, with its age) or *lost* (as if it had
+//! never come). `Mission` does not age: a plan holds until the next one.
+
+use law::{Ego, OBSTACLES_MAX, Observation, V2v};
+use platoon_dbc::{
+    EgoState, Frame, FrameFlags, Message, Mission, NavStatus, Obstacle, ObstacleKind, V2vState,
+};
+
+use crate::guard::OwnMotion;
+
+/// Periods an `EgoState` stays fresh: two may be missing, as on a bus with a rare lost frame.
+pub const EGO_FRESH_PERIODS: u64 = 3;
+/// But never less than this \[ns\]: at 1 kHz the rig's own scheduling is late by milliseconds.
+pub const EGO_FRESH_LEAST_NS: u64 = 5_000_000;
+/// An `EgoState` older than this is lost \[ns\]: two metres at 20 m/s, as long as the guard holds.
+pub const EGO_LOST_NS: u64 = 100_000_000;
+/// A V2V state older than the delay the gain is designed for is stale \[ns\] [MCF, Table II: h₁].
+pub const V2V_FRESH_NS: u64 = 250_000_000;
+/// A V2V state older than this is lost \[ns\]: the longest delay plus a dozen lost messages.
+pub const V2V_LOST_NS: u64 = 500_000_000;
+/// An obstacle is stale once one 50 ms report is missing \[ns\].
+pub const OBSTACLE_FRESH_NS: u64 = 100_000_000;
+/// An obstacle unseen for four reports is lost \[ns\].
+pub const OBSTACLE_LOST_NS: u64 = 200_000_000;
+
+/// `Obstacle::member` of what is no platoon truck.
+const NO_MEMBER: u8 = 255;
+/// The longest plausible loop period \[ns\], 10 Hz; a longer or zero one is refused.
+const PERIOD_MAX_NS: u32 = 100_000_000;
+
+/// How far a message may be trusted by its age.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Freshness {
+    /// As recent as its cycle promises.
+    Fresh,
+    /// Late, still used.
+    Stale,
+    /// Too old, or never came.
+    Lost,
+}
+
+impl Freshness {
+    fn of(age_ns: u64, fresh_ns: u64, lost_ns: u64) -> Self {
+        match age_ns {
+            age if age <= fresh_ns => Self::Fresh,
+            age if age <= lost_ns => Self::Stale,
+            _ => Self::Lost,
+        }
+    }
+}
+
+/// What became of a message.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Noted {
+    /// It is the newest of its kind now.
+    Used,
+    /// The picture already holds a newer one.
+    Outdated,
+    /// It is not for this truck's ECU.
+    NotMine,
+}
+
+/// The newest message of each kind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Picture {
+    truck: u8,
+    mission: Option<Mission>,
+    ego: Option<EgoState>,
+    leader: Option<V2vState>,
+    predecessor: Option<V2vState>,
+    obstacles: [Option<Obstacle>; OBSTACLES_MAX],
+}
+
+impl Picture {
+    /// The empty picture of this truck; missions of other trucks are not for it.
+    #[must_use]
+    pub const fn new(truck: u8) -> Self {
+        Self {
+            truck,
+            mission: None,
+            ego: None,
+            leader: None,
+            predecessor: None,
+            obstacles: [None; OBSTACLES_MAX],
+        }
+    }
+
+    /// The newest mission.
+    #[must_use]
+    pub const fn mission(&self) -> Option<&Mission> {
+        self.mission.as_ref()
+    }
+
+    /// The newest navigation solution, however old.
+    #[must_use]
+    pub const fn ego(&self) -> Option<&EgoState> {
+        self.ego.as_ref()
+    }
+
+    /// The loop's period \[ns\], from the mission.
+    #[must_use]
+    pub fn period_ns(&self) -> Option<u64> {
+        self.mission
+            .map(|mission| u64::from(mission.loop_period_ns))
+    }
+
+    /// Takes a sound message in.
+    pub fn note(&mut self, message: &Message) -> Noted {
+        match message {
+            Message::EgoState(ego) => replace(&mut self.ego, ego, |held| {
+                held.bench_time_ns < ego.bench_time_ns
+            }),
+            Message::V2vState(state) => self.note_v2v(state),
+            Message::Obstacle(obstacle) => self.note_obstacle(obstacle),
+            Message::Mission(mission) => self.note_mission(mission),
+            Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_) => Noted::NotMine,
+        }
+    }
+
+    fn note_mission(&mut self, mission: &Mission) -> Noted {
+        let period_ok = (1..=PERIOD_MAX_NS).contains(&mission.loop_period_ns);
+        if mission.truck_index != self.truck || !period_ok {
+            return Noted::NotMine;
+        }
+        self.mission = Some(*mission);
+        Noted::Used
+    }
+
+    /// Only the leader's and the predecessor's states are for a follower; truck 1 has both in one.
+    fn note_v2v(&mut self, state: &V2vState) -> Noted {
+        let newer = |held: &V2vState| held.generation_time_ns < state.generation_time_ns;
+        let mut noted = Noted::NotMine;
+        if self.truck != 0 && state.source_truck == 0 {
+            noted = replace(&mut self.leader, state, newer);
+        }
+        if self.truck != 0 && state.source_truck == self.truck - 1 {
+            noted = replace(&mut self.predecessor, state, newer);
+        }
+        noted
+    }
+
+    fn note_obstacle(&mut self, obstacle: &Obstacle) -> Noted {
+        let Some(held) = self.obstacles.get_mut(usize::from(obstacle.page)) else {
+            return Noted::NotMine;
+        };
+        if obstacle.kind == ObstacleKind::None {
+            // An empty page was measured at no particular time.
+            *held = None;
+            return Noted::Used;
+        }
+        replace(held, obstacle, |held| {
+            held.measured_time_ns <= obstacle.measured_time_ns
+        })
+    }
+
+    /// How recent the navigation solution is at `now_ns`; one the sensor disowns is lost.
+    #[must_use]
+    pub fn ego_freshness(&self, now_ns: u64) -> Freshness {
+        let (Some(ego), Some(period_ns)) = (&self.ego, self.period_ns()) else {
+            return Freshness::Lost;
+        };
+        if ego.nav_status == NavStatus::Lost {
+            return Freshness::Lost;
+        }
+        let fresh_ns = (EGO_FRESH_PERIODS * period_ns).max(EGO_FRESH_LEAST_NS);
+        let age_ns = now_ns.saturating_sub(ego.bench_time_ns);
+        Freshness::of(age_ns, fresh_ns, EGO_LOST_NS.max(fresh_ns))
+    }
+
+    /// What the guard needs to know about the truck's own motion at `now_ns`.
+    #[must_use]
+    pub fn own_motion(&self, now_ns: u64) -> OwnMotion {
+        OwnMotion {
+            trusted: self.ego_freshness(now_ns) == Freshness::Fresh,
+            forward_mps: self.ego.map_or(0.0, |ego| ego.speed_forward_mps),
+        }
+    }
+
+    /// Everything the law may know at `now_ns`; `None` while the truck does not know where it is.
+    #[must_use]
+    pub fn observe(&self, now_ns: u64) -> Option<Observation> {
+        let (mission, ego) = (self.mission?, self.ego?);
+        if self.ego_freshness(now_ns) != Freshness::Fresh {
+            return None;
+        }
+        let alive = |state: Option<V2vState>| {
+            state.filter(|state| v2v_freshness(state, now_ns) != Freshness::Lost)
+        };
+        let (leader, predecessor) = (alive(self.leader), alive(self.predecessor));
+        let links = Links {
+            leader: leader.is_some(),
+            predecessor: predecessor.is_some(),
+        };
+        Some(Observation {
+            time_ns: now_ns,
+            ego: own_state(&ego),
+            mission: plan(&mission),
+            leader: leader.as_ref().map(broadcast),
+            predecessor: predecessor.as_ref().map(broadcast),
+            obstacles: self.obstacles.map(|held| {
+                let obstacle = held.filter(|held| obstacle_is_alive(held, now_ns))?;
+                seen_obstacle(&obstacle, self.truck, links)
+            }),
+        })
+    }
+
+    /// Writes the picture as the frames that made it; the bytes used, `None` when they do not fit.
+    ///
+    /// Decoded values go back to the very bits they came from, so nothing is lost by it.
+    #[must_use]
+    pub fn save(&self, out: &mut [u8]) -> Option<usize> {
+        let mut used = 0;
+        self.messages().try_for_each(|message| {
+            // What came from a frame fits one.
+            let Ok(frame) = message.encode(0) else {
+                return Some(());
+            };
+            let room = out.get_mut(used..used + 5 + frame.data().len())?;
+            room[..4].copy_from_slice(&frame.id().to_le_bytes());
+            room[4] = frame.data().len() as u8;
+            room[5..].copy_from_slice(frame.data());
+            used += room.len();
+            Some(())
+        })?;
+        Some(used)
+    }
+
+    /// The picture of this truck that [`save`](Self::save) wrote; `None` when it is damaged.
+    #[must_use]
+    pub fn restore(truck: u8, mut bytes: &[u8]) -> Option<Self> {
+        let mut picture = Self::new(truck);
+        let flags = FrameFlags {
+            is_extended: true,
+            is_fd: true,
+            brs: true,
+            ..FrameFlags::default()
+        };
+        while let Some((id, rest)) = bytes.split_first_chunk::<4>() {
+            let (length, rest) = rest.split_first()?;
+            let (data, rest) = rest.split_at_checked(usize::from(*length))?;
+            let frame = Frame::new(u32::from_le_bytes(*id), flags, data).ok()?;
+            picture.note(&Message::decode(&frame).ok()?.0);
+            bytes = rest;
+        }
+        bytes.is_empty().then_some(picture)
+    }
+
+    fn messages(&self) -> impl Iterator<Item = Message> {
+        let states = [self.leader, self.predecessor];
+        let mission = self.mission.map(Message::Mission).into_iter();
+        mission
+            .chain(self.ego.map(Message::EgoState))
+            .chain(states.into_iter().flatten().map(Message::V2vState))
+            .chain(self.obstacles.into_iter().flatten().map(Message::Obstacle))
+    }
+}
+
+/// Puts `message` into its place unless the held one is not `older`.
+fn replace<T: Copy>(place: &mut Option<T>, message: &T, older: impl Fn(&T) -> bool) -> Noted {
+    if place.as_ref().is_some_and(|held| !older(held)) {
+        return Noted::Outdated;
+    }
+    *place = Some(*message);
+    Noted::Used
+}
+
+fn v2v_freshness(state: &V2vState, now_ns: u64) -> Freshness {
+    let age_ns = now_ns.saturating_sub(state.generation_time_ns);
+    Freshness::of(age_ns, V2V_FRESH_NS, V2V_LOST_NS)
+}
+
+fn obstacle_is_alive(obstacle: &Obstacle, now_ns: u64) -> bool {
+    let age_ns = now_ns.saturating_sub(obstacle.measured_time_ns);
+    Freshness::of(age_ns, OBSTACLE_FRESH_NS, OBSTACLE_LOST_NS) != Freshness::Lost
+}
+
+/// Which V2V links of this truck are alive.
+#[derive(Debug, Clone, Copy)]
+struct Links {
+    leader: bool,
+    predecessor: bool,
+}
+
+/// The obstacle for the law; `None` for an empty page and for a platoon truck that is looked after.
+///
+/// Platoon trucks are kept at a distance by the coordination layer while their V2V lives; as
+/// obstacles besides they would push the platoon apart.
+/// - Leader and predecessor are left out while their own V2V lives, vehicles once it is lost.
+/// - A truck further ahead that is neither is left out while the predecessor's V2V lives:
+///   the predecessor is between, and keeps its own distance.
+/// - Trucks behind are left out always: keeping the distance is theirs.
+fn seen_obstacle(obstacle: &Obstacle, truck: u8, links: Links) -> Option<law::Obstacle> {
+    let kind = match obstacle.kind {
+        ObstacleKind::None => return None,
+        ObstacleKind::Vehicle => law::ObstacleKind::Vehicle,
+        ObstacleKind::Pedestrian => law::ObstacleKind::Pedestrian,
+        ObstacleKind::Bump => law::ObstacleKind::Bump,
+        ObstacleKind::PlatoonTruck => {
+            let looked_after = match obstacle.member {
+                NO_MEMBER => false,
+                member if member >= truck => true,
+                member if member == truck - 1 => links.predecessor,
+                0 => links.leader,
+                _ => links.predecessor,
+            };
+            if looked_after {
+                return None;
+            }
+            law::ObstacleKind::Vehicle
+        }
+    };
+    Some(law::Obstacle {
+        kind,
+        time_ns: obstacle.measured_time_ns,
+        x_m: obstacle.position_x_m,
+        y_m: obstacle.position_y_m,
+        vx_mps: obstacle.speed_x_mps,
+        vy_mps: obstacle.speed_y_mps,
+        length_m: obstacle.length_m,
+        width_m: obstacle.width_m,
+    })
+}
+
+fn own_state(ego: &EgoState) -> Ego {
+    Ego {
+        time_ns: ego.bench_time_ns,
+        x_m: ego.position_x_m,
+        y_m: ego.position_y_m,
+        heading_rad: ego.heading_rad,
+        forward_mps: ego.speed_forward_mps,
+        lateral_mps: ego.speed_lateral_mps,
+        yaw_radps: ego.yaw_rate_radps,
+        accel_mps2: ego.accel_forward_mps2,
+    }
+}
+
+fn plan(mission: &Mission) -> law::Mission {
+    law::Mission {
+        truck: mission.truck_index,
+        trucks: mission.platoon_size,
+        spacing_m: mission.spacing_m,
+        set_speed_mps: mission.set_speed_mps,
+        desired_y_m: mission.desired_y_m,
+        lane_width_m: mission.lane_width_m,
+        right_edge_y_m: mission.right_edge_y_m,
+        left_edge_y_m: mission.left_edge_y_m,
+    }
+}
+
+fn broadcast(state: &V2vState) -> V2v {
+    V2v {
+        generated_ns: state.generation_time_ns,
+        x_m: state.position_x_m,
+        y_m: state.position_y_m,
+        speed_mps: state.speed_mps,
+        accel_mps2: state.accel_mps2,
+        intended_accel_mps2: state.intended_accel_mps2,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,230 @@
+use super::*;
+
+const MS: u64 = 1_000_000;
+const NOW_NS: u64 = 10_000 * MS;
+
+fn mission(truck: u8) -> Message {
+    Message::Mission(Mission {
+        truck_index: truck,
+        platoon_size: 4,
+        spacing_m: 25.0,
+        set_speed_mps: 20.0,
+        loop_period_ns: 1_000_000,
+        ..Mission::default()
+    })
+}
+
+fn ego_at(time_ns: u64) -> Message {
+    Message::EgoState(EgoState {
+        bench_time_ns: time_ns,
+        position_x_m: 12.3456,
+        speed_forward_mps: 20.0,
+        ..EgoState::default()
+    })
+}
+
+fn v2v(source_truck: u8, generation_time_ns: u64) -> Message {
+    Message::V2vState(V2vState {
+        source_truck,
+        generation_time_ns,
+        ..V2vState::default()
+    })
+}
+
+fn member(page: u8, member: u8, measured_time_ns: u64) -> Message {
+    let kind = ObstacleKind::PlatoonTruck;
+    Message::Obstacle(Obstacle {
+        page,
+        kind,
+        member,
+        measured_time_ns,
+        ..Obstacle::default()
+    })
+}
+
+fn vehicle(page: u8, measured_time_ns: u64) -> Message {
+    let kind = ObstacleKind::Vehicle;
+    Message::Obstacle(Obstacle {
+        page,
+        kind,
+        member: 255,
+        measured_time_ns,
+        ..Obstacle::default()
+    })
+}
+
+/// The picture of `truck` that knows its mission, where it is now, and these messages.
+fn picture(truck: u8, messages: &[Message]) -> Picture {
+    let mut picture = Picture::new(truck);
+    for message in [mission(truck), ego_at(NOW_NS)].iter().chain(messages) {
+        picture.note(message);
+    }
+    picture
+}
+
+fn pages(picture: &Picture) -> Vec<usize> {
+    let seen = picture.observe(NOW_NS).expect("knows where it is");
+    (0..OBSTACLES_MAX)
+        .filter(|&page| seen.obstacles[page].is_some())
+        .collect()
+}
+
+#[test]
+fn a_truck_without_mission_or_position_observes_nothing() {
+    assert_eq!(Picture::new(1).observe(NOW_NS), None);
+    let mut only_mission = Picture::new(1);
+    only_mission.note(&mission(1));
+    assert_eq!(only_mission.observe(NOW_NS), None);
+    assert!(picture(1, &[]).observe(NOW_NS).is_some());
+}
+
+#[test]
+fn another_trucks_mission_and_an_impossible_period_are_refused() {
+    let mut picture = Picture::new(1);
+    assert_eq!(picture.note(&mission(2)), Noted::NotMine);
+    let Message::Mission(mut broken) = mission(1) else {
+        unreachable!("is a mission")
+    };
+    for loop_period_ns in [0, PERIOD_MAX_NS + 1] {
+        broken.loop_period_ns = loop_period_ns;
+        assert_eq!(picture.note(&Message::Mission(broken)), Noted::NotMine);
+    }
+    assert_eq!(picture.mission(), None);
+}
+
+#[test]
+fn ego_ages_from_fresh_over_stale_to_lost() {
+    let picture = picture(1, &[]);
+    let at = |age_ms| picture.ego_freshness(NOW_NS + age_ms * MS);
+    assert_eq!([at(0), at(5)], [Freshness::Fresh; 2]);
+    assert_eq!([at(6), at(100)], [Freshness::Stale; 2]);
+    assert_eq!(at(101), Freshness::Lost);
+    assert!(picture.own_motion(NOW_NS + 5 * MS).trusted);
+    assert!(!picture.own_motion(NOW_NS + 6 * MS).trusted);
+    assert_eq!(picture.observe(NOW_NS + 6 * MS), None);
+}
+
+#[test]
+fn at_slow_loops_ego_stays_fresh_for_three_periods() {
+    let mut picture = Picture::new(0);
+    let Message::Mission(mut slow) = mission(0) else {
+        unreachable!("is a mission")
+    };
+    slow.loop_period_ns = 10_000_000;
+    picture.note(&Message::Mission(slow));
+    picture.note(&ego_at(NOW_NS));
+    assert_eq!(picture.ego_freshness(NOW_NS + 30 * MS), Freshness::Fresh);
+    assert_eq!(picture.ego_freshness(NOW_NS + 31 * MS), Freshness::Stale);
+}
+
+#[test]
+fn a_navigation_solution_its_sensor_disowns_is_lost() {
+    let mut picture = picture(1, &[]);
+    let Message::EgoState(mut ego) = ego_at(NOW_NS + MS) else {
+        unreachable!("is a state")
+    };
+    ego.nav_status = NavStatus::Degraded;
+    picture.note(&Message::EgoState(ego));
+    assert_eq!(picture.ego_freshness(NOW_NS + MS), Freshness::Fresh);
+    (ego.nav_status, ego.bench_time_ns) = (NavStatus::Lost, NOW_NS + 2 * MS);
+    picture.note(&Message::EgoState(ego));
+    assert_eq!(picture.ego_freshness(NOW_NS + 2 * MS), Freshness::Lost);
+}
+
+#[test]
+fn v2v_is_lost_after_half_a_second() {
+    for (age_ms, alive) in [(0, true), (500, true), (501, false)] {
+        let sent_ns = NOW_NS - age_ms * MS;
+        let seen = picture(2, &[v2v(0, sent_ns), v2v(1, sent_ns)])
+            .observe(NOW_NS)
+            .expect("seen");
+        assert_eq!(seen.leader.is_some(), alive, "{age_ms} ms");
+        assert_eq!(seen.predecessor.is_some(), alive, "{age_ms} ms");
+    }
+}
+
+#[test]
+fn truck_one_has_its_leader_as_predecessor_and_the_leader_has_neither() {
+    let seen = picture(1, &[v2v(0, NOW_NS)]).observe(NOW_NS).expect("seen");
+    assert!(seen.leader.is_some());
+    assert_eq!(seen.leader, seen.predecessor);
+    let mut leader = picture(0, &[]);
+    assert_eq!(leader.note(&v2v(1, NOW_NS)), Noted::NotMine);
+    assert_eq!(leader.note(&v2v(0, NOW_NS)), Noted::NotMine);
+    let seen = leader.observe(NOW_NS).expect("seen");
+    assert_eq!((seen.leader, seen.predecessor), (None, None));
+}
+
+#[test]
+fn states_of_trucks_that_are_neither_leader_nor_predecessor_are_not_mine() {
+    let mut picture = picture(3, &[]);
+    assert_eq!(picture.note(&v2v(1, NOW_NS)), Noted::NotMine);
+    assert_eq!(picture.note(&v2v(2, NOW_NS)), Noted::Used);
+}
+
+#[test]
+fn a_reordered_v2v_message_is_outdated() {
+    let mut picture = picture(2, &[v2v(1, NOW_NS)]);
+    assert_eq!(picture.note(&v2v(1, NOW_NS - 20 * MS)), Noted::Outdated);
+    assert_eq!(picture.note(&v2v(1, NOW_NS)), Noted::Outdated);
+}
+
+#[test]
+fn obstacles_are_lost_after_200_ms_and_cleared_by_an_empty_page() {
+    let mut picture = picture(
+        0,
+        &[vehicle(0, NOW_NS - 200 * MS), vehicle(1, NOW_NS - 201 * MS)],
+    );
+    assert_eq!(pages(&picture), [0]);
+    let empty = Obstacle {
+        page: 0,
+        kind: ObstacleKind::None,
+        ..Obstacle::default()
+    };
+    picture.note(&Message::Obstacle(empty));
+    assert_eq!(pages(&picture), [0; 0]);
+}
+
+#[test]
+fn platoon_trucks_are_obstacles_only_when_nobody_looks_after_them() {
+    let members: Vec<Message> = (0..4).map(|index| member(index, index, NOW_NS)).collect();
+    let with = |truck: u8, links: &[u8]| {
+        let states: Vec<Message> = links.iter().map(|&source| v2v(source, NOW_NS)).collect();
+        pages(&picture(truck, &[members.clone(), states].concat()))
+    };
+    assert_eq!(with(3, &[0, 2]), [0; 0], "all links alive");
+    assert_eq!(with(3, &[2]), [0], "the leader's V2V is lost");
+    assert_eq!(with(3, &[0]), [1, 2], "the predecessor's V2V is lost");
+    assert_eq!(
+        with(3, &[]),
+        [0, 1, 2],
+        "no V2V; neither itself nor trucks behind"
+    );
+    assert_eq!(with(1, &[0]), [0; 0], "truck 1 with its leader's V2V");
+    assert_eq!(with(1, &[]), [0], "truck 1 without");
+    assert_eq!(with(0, &[]), [0; 0], "the leader ignores all who follow");
+}
+
+#[test]
+fn a_platoon_truck_of_unknown_index_is_a_vehicle() {
+    let mut picture = picture(1, &[v2v(0, NOW_NS)]);
+    picture.note(&member(3, 255, NOW_NS));
+    let seen = picture.observe(NOW_NS).expect("seen");
+    let kind = seen.obstacles[3].map(|obstacle| obstacle.kind);
+    assert_eq!(kind, Some(law::ObstacleKind::Vehicle));
+}
+
+#[test]
+fn a_saved_picture_comes_back_bit_for_bit() {
+    let mut original = picture(3, &[v2v(0, NOW_NS), v2v(2, NOW_NS - 7)]);
+    for page in 0..8 {
+        original.note(&vehicle(page, NOW_NS - u64::from(page)));
+    }
+    // Through a frame first: the picture only ever holds values that came from one.
+    let mut bytes = [0; 1024];
+    let used = original.save(&mut bytes).expect("fits");
+    let back = Picture::restore(3, &bytes[..used]).expect("sound");
+    assert_eq!(back, original);
+    assert_eq!(Picture::restore(3, &bytes[..used - 1]), None);
+    assert_eq!(original.save(&mut [0; 100]), None);
+}
