@@ -29,10 +29,10 @@ impl PortLease {
     pub fn acquire(first_port: u16) -> Result<Self, OpenError> {
         let last = first_port.saturating_add(ATTEMPTS - 1);
         for port in first_port..=last {
-            if let Some(lock) = lock(port)? {
-                if is_sharable(port) {
-                    return Ok(Self { port, _lock: lock });
-                }
+            if let Some(lock) = lock(port)?
+                && is_sharable(port)
+            {
+                return Ok(Self { port, _lock: lock });
             }
         }
         Err(OpenError::AllPortsLeased {
