@@ -1,0 +1,314 @@
+#!/usr/bin/env bash
+# The one test command, for people and for continuous integration. `./test.sh --help` explains it.
+set -euo pipefail
+
+usage() {
+    cat <<'TEXT'
+Usage: ./test.sh [--long] [--no-install] [STEP...]
+
+Runs every step, or only those named, and ends with a summary. Exit status 1 when a step failed.
+
+  install     as root on Debian or Ubuntu: the tools the tests need; always: a Python environment
+              under target/. Without root it says what is missing.
+  fmt         rustfmt, check only
+  shell       shellcheck over the scripts
+  clippy      all targets, warnings are errors
+  doc         rustdoc, warnings are errors
+  test        cargo test --workspace
+  interop     our formats against cantools, python-can and the Python MCAP readers
+  rehearse    the release build, a short rehearsal in virtual time, its trace read by Python
+  socketcan   the tests that need a kernel with CAN: in a network namespace of this kernel, else
+              inside user-mode Linux, else each one is listed as left out
+  heavy       long sweeps (tests whose names begin with heavy_); only with --long
+
+  --long        run the heavy step too
+  --no-install  install nothing; use what is there
+TEXT
+}
+
+cd "$(dirname "$(realpath "${BASH_SOURCE[0]}")")"
+exec </dev/null
+# Tools of the system folders are used by path-less name below.
+PATH=$PATH:/usr/sbin:/sbin
+export CARGO_TERM_COLOR=${CARGO_TERM_COLOR:-never} PYTHONDONTWRITEBYTECODE=1
+export PIP_DISABLE_PIP_VERSION_CHECK=1
+
+all_steps=(install fmt shell clippy doc test interop rehearse socketcan heavy)
+# Exit status by which a step says that it was left out; the reasons are in $reasons.
+readonly left_out_status=77
+
+# ---------------------------------------------------------------- what the steps use
+
+leave_out() {
+    printf '%s\n' "$@" >>"$reasons"
+    exit "$left_out_status"
+}
+
+is_root() {
+    [[ $(id -u) -eq 0 ]]
+}
+
+has() {
+    command -v "$1" >/dev/null
+}
+
+python() {
+    "$venv/bin/python" "$@"
+}
+
+# Path of a built example, built if need be: example_path PACKAGE NAME
+example_path() {
+    cargo build --quiet --locked --package "$1" --example "$2"
+    echo "$target/debug/examples/$2"
+}
+
+# Debian packages behind the tools that are missing.
+missing_packages() {
+    has candump || echo can-utils
+    has linux.uml || echo user-mode-linux
+    has insmod || echo kmod
+    has ip || echo iproute2
+    has shellcheck || echo shellcheck
+    python3 -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
+}
+
+# Installs what apt has of the packages named; the caller looks at what is missing afterwards.
+install_packages() {
+    local package
+    apt-get update
+    for package in "$@"; do
+        DEBIAN_FRONTEND=noninteractive apt-get install -y --no-install-recommends "$package" ||
+            echo "test.sh: apt-get could not install $package" >&2
+    done
+}
+
+# A Python environment with exactly the packages of requirements.txt, made anew when they change.
+make_venv() {
+    local requirements=tests/interop/requirements.txt
+    if cmp --silent "$requirements" "$venv/made-from"; then
+        echo "Python environment is up to date: $venv"
+        return
+    fi
+    # Chained, because `set -e` does not reach into a function whose failure is handled.
+    rm -rf "$venv" &&
+        python3 -m venv "$venv" &&
+        "$venv/bin/pip" install --quiet --requirement "$requirements" &&
+        cp "$requirements" "$venv/made-from"
+}
+
+# "MANIFEST_FOLDER<tab>BINARY" of every test binary of the packages that touch SocketCAN.
+socketcan_binaries() {
+    cargo test --quiet --locked --no-run --message-format=json \
+        --package platoon-dbc --package vcan-setup |
+        sed -n '/"reason":"compiler-artifact"/{
+            /"test":true/s|.*"manifest_path":"\([^"]*\)/Cargo.toml".*"executable":"\([^"]*\)".*|\1\t\2|p
+        }'
+}
+
+# Of the lines of socketcan_binaries, those whose binary has a test for us: an ignored one that is
+# not heavy. The names of these tests go to the file $1.
+with_ignored_tests() {
+    local folder binary names
+    while IFS=$'\t' read -r folder binary; do
+        names=$("$binary" --ignored --skip heavy_ --list --format=terse | sed -n 's/: test$//p')
+        if [[ -n $names ]]; then
+            printf '%s\n' "$names" >>"$1"
+            printf '%s\t%s\n' "$folder" "$binary"
+        fi
+    done
+}
+
+# Writes the script that runs in a kernel with CAN, as root of an otherwise empty network.
+write_socketcan_job() {
+    local folder binary
+    cat <<'TEXT'
+set -e
+for interface in vcan0 vcan1; do
+    ip link add "$interface" type vcan
+    ip link set "$interface" mtu 72 up
+done
+status=0
+TEXT
+    while IFS=$'\t' read -r folder binary; do
+        printf 'cd %q\n%q --ignored --skip heavy_ --test-threads=1 --color=never || status=1\n' \
+            "$folder" "$binary"
+    done
+    printf 'exit %s\n' "\$status"
+}
+
+# Runs a command as root of a network namespace of its own, so that nobody's interfaces are touched.
+in_own_network() {
+    if is_root; then
+        unshare --net "$@"
+    else
+        unshare --map-root-user --net "$@"
+    fi
+}
+
+kernel_makes_vcan() {
+    if is_root && has modprobe; then
+        modprobe --quiet --all vcan can_raw || true
+    fi
+    in_own_network ip link add probe type vcan 2>/dev/null
+}
+
+# ---------------------------------------------------------------- the steps
+
+step_install() {
+    local missing
+    mapfile -t missing < <(missing_packages)
+    if [[ ${#missing[@]} -gt 0 ]] && is_root && has apt-get; then
+        install_packages "${missing[@]}"
+        mapfile -t missing < <(missing_packages)
+    fi
+    if has python3; then
+        make_venv || leave_out "no Python environment: see the message above"
+    else
+        missing+=(python3)
+    fi
+    if [[ ${#missing[@]} -gt 0 ]]; then
+        leave_out "missing: ${missing[*]} (as root on Debian or Ubuntu this step installs them)"
+    fi
+}
+
+step_fmt() {
+    cargo fmt --all --check
+}
+
+step_shell() {
+    has shellcheck || leave_out "shellcheck is not installed"
+    shellcheck test.sh .ci/run tests/uml/run.sh tests/uml/init.sh
+}
+
+step_clippy() {
+    cargo clippy --locked --workspace --all-targets -- -D warnings
+}
+
+step_doc() {
+    RUSTDOCFLAGS="-D warnings" cargo doc --locked --workspace --no-deps
+}
+
+step_test() {
+    cargo test --locked --workspace --no-fail-fast
+}
+
+step_interop() {
+    [[ -x $venv/bin/python ]] || leave_out "no Python environment in $venv: run the install step"
+    python tests/interop/cantools_codec.py "$(example_path platoon-dbc codec_vectors)"
+    python tests/interop/python_can_udp.py "$(example_path platoon-dbc udp_peer)"
+}
+
+# A few simulated seconds through the program users get, then its trace through stock readers.
+step_rehearse() {
+    local out=$scratch/rehearsal
+    cargo build --quiet --locked --release
+    "$target/release/platoon" rehearse obstacle-avoidance --virtual-time --duration-s 5 \
+        --out "$out" --json "$scratch/rehearsal.json"
+    [[ -s $out/run.mcap ]] || { echo "the rehearsal left no run.mcap" >&2; return 1; }
+    [[ -x $venv/bin/python ]] || leave_out "run.mcap not read by Python: run the install step"
+    python tests/interop/mcap_readers.py "$out/run.mcap"
+}
+
+step_socketcan() {
+    local names=$scratch/socketcan-names job=$scratch/socketcan-job.sh status=0
+    socketcan_binaries | with_ignored_tests "$names" | write_socketcan_job >"$job"
+    [[ -s $names ]] || { echo "found no SocketCAN test to run" >&2; return 1; }
+
+    if kernel_makes_vcan; then
+        echo "in a network namespace of this kernel, $(uname -r)"
+        in_own_network sh "$job"
+        return
+    fi
+    echo "this kernel makes no vcan interface: inside user-mode Linux"
+    tests/uml/run.sh "$job" 600 || status=$?
+    # A kernel that cannot boot leaves the tests out, except where nobody reads the summary.
+    if [[ $status -eq 125 && ${CI:-} != true ]]; then
+        leave_out "no kernel with CAN, none bootable (see above); tests left out:" "$(<"$names")"
+    fi
+    return "$status"
+}
+
+# The long sweeps of --long. A test belongs here when it is ignored and its name begins with heavy_.
+step_heavy() {
+    cargo test --locked --release --workspace --no-fail-fast -- --ignored heavy_
+}
+
+# ---------------------------------------------------------------- running them
+
+passed=0 failed=0 summary=()
+
+# Runs one step in a shell of its own, so that `set -e` holds inside and it can end early.
+run_step() {
+    local name=$1 began=$SECONDS status line
+    printf '\n== %s\n' "$name"
+    : >"$reasons"
+    set +e
+    (
+        set -e
+        "step_$name"
+    )
+    status=$?
+    set -e
+    case $status in
+    0)
+        passed=$((passed + 1))
+        line=passed
+        ;;
+    "$left_out_status")
+        line="left out"
+        ;;
+    *)
+        failed=$((failed + 1))
+        line="FAILED (exit status $status)"
+        ;;
+    esac
+    summary+=("$(printf '%-10s %5d s  %s' "$name" "$((SECONDS - began))" "$line")")
+    if [[ -s $reasons ]]; then
+        summary+=("$(sed 's/^/                    /' "$reasons")")
+    fi
+    printf -- '-- %s: %s, %d s\n' "$name" "$line" "$((SECONDS - began))"
+}
+
+long=false install=true steps=()
+for argument in "$@"; do
+    case $argument in
+    -h | --help)
+        usage
+        exit 0
+        ;;
+    --long) long=true ;;
+    --no-install) install=false ;;
+    *)
+        if [[ " ${all_steps[*]} " != *" $argument "* ]]; then
+            echo "test.sh: unknown argument '$argument'; see ./test.sh --help" >&2
+            exit 2
+        fi
+        steps+=("$argument")
+        ;;
+    esac
+done
+if [[ ${#steps[@]} -eq 0 ]]; then
+    steps=("${all_steps[@]}")
+    $long || unset 'steps[-1]'
+    $install || unset 'steps[0]'
+fi
+
+has cargo || {
+    echo "test.sh: no cargo; install Rust 1.89 or newer with rustup" >&2
+    exit 2
+}
+target=$(cargo metadata --no-deps --format-version 1 |
+    sed 's/.*"target_directory":"\([^"]*\)".*/\1/')
+venv=$target/test-venv
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+reasons=$scratch/reasons
+
+for step in "${steps[@]}"; do
+    run_step "$step"
+done
+
+printf '\n== summary\n'
+printf '%s\n' "${summary[@]}"
+printf '%d passed, %d failed\n' "$passed" "$failed"
+[[ $failed -eq 0 ]]
