@@ -22,6 +22,8 @@ const COMPRESSION_LEVEL: u32 = 1;
 
 /// Name of the metadata record a part begins with.
 pub(crate) const PART: &str = "platoon.part";
+/// Name of the metadata record a merged run begins with.
+pub(crate) const RUN: &str = "platoon.run";
 /// Name of the metadata record a part that was finished ends with.
 pub(crate) const PART_END: &str = "platoon.part_end";
 
@@ -176,7 +178,7 @@ impl Part {
         let schema = topic.schema();
         let schema_id = self
             .writer
-            .add_schema(schema.name, schema.encoding, &schema.data)?;
+            .add_schema(&schema.name, schema.encoding, &schema.data)?;
         let metadata = self.channel_metadata(topic);
         let name = topic.to_string();
         let channel =

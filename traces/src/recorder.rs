@@ -172,9 +172,7 @@ impl Recorder {
     /// snapshot of its memory.
     pub fn push<T: Recordable>(&mut self, record: T) -> bool {
         if self.overflow == Overflow::Wait {
-            while !self.rings.has_room::<T>() && self.writer_lives() {
-                thread::yield_now();
-            }
+            self.wait_for_room::<T>();
         }
         self.rings.push(record)
     }
@@ -191,10 +189,13 @@ impl Recorder {
         self.join()
     }
 
-    fn writer_lives(&self) -> bool {
-        self.writer
-            .as_ref()
-            .is_some_and(|writer| !writer.is_finished())
+    /// Returns when there is room, or nobody left to make some.
+    fn wait_for_room<T: Recordable>(&self) {
+        let Some(writer) = &self.writer else { return };
+        while !self.rings.has_room::<T>() && !writer.is_finished() {
+            writer.thread().unpark();
+            thread::yield_now();
+        }
     }
 
     fn join(&mut self) -> Finished {

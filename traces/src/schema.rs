@@ -5,7 +5,7 @@
 //! into the MCAP schema. There is no `.proto` file and no second list of fields to keep in step.
 //!
 //! Rust types map to protobuf as follows: `u8`, `u16`, `u32` to `uint32`; `u64` to `uint64`;
-//! `i32` to `sint32`; `bool`, `f32`, `f64` to `bool`, `float`, `double`; `String` to `string`;
+//! `i32`, `i64` to `int32`, `int64`; `bool`, `f32`, `f64` to `bool`, `float`, `double`; `String` to `string`;
 //! [`Snapshot`](crate::Snapshot) to `bytes`; arrays of numbers to packed repeated fields; lists
 //! and vectors of records to repeated messages. As in proto3, a zero is not written.
 
@@ -263,7 +263,8 @@ varint_scalars! {
     u16 => Uint32, u64::from, narrow;
     u32 => Uint32, u64::from, narrow;
     u64 => Uint64, core::convert::identity, Ok;
-    i32 => Sint32, |value| wire::zigzag(i64::from(value)), |raw| narrow(wire::unzigzag(raw));
+    i32 => Int32, |value| i64::from(value).cast_unsigned(), |raw: u64| narrow(raw.cast_signed());
+    i64 => Int64, i64::cast_unsigned, |raw: u64| Ok(raw.cast_signed());
     bool => Bool, u64::from, |raw| Ok(raw != 0);
 }
 
@@ -316,7 +317,7 @@ macro_rules! scalar_fields {
     )*};
 }
 
-scalar_fields! { u8 u16 u32 u64 i32 bool f32 f64 }
+scalar_fields! { u8 u16 u32 u64 i32 i64 bool f32 f64 }
 
 impl<S: Scalar, const N: usize> Field for [S; N] {
     fn shape(_: &mut Files) -> Shape {

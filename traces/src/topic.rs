@@ -1,6 +1,7 @@
 //! The topics of a trace: their names, schemas and encodings.
 
 use core::fmt;
+use std::borrow::Cow;
 
 use crate::dropped::DroppedRecord;
 use crate::frame::CAN_FRAME_DEFINITION;
@@ -93,7 +94,7 @@ impl Topic {
     pub(crate) fn schema(self) -> Schema {
         match self {
             Self::Frames(_) | Self::Rx(_) => Schema {
-                name: "platoon_msgs/msg/CanFrame",
+                name: "platoon_msgs/msg/CanFrame".into(),
                 encoding: "ros2msg",
                 message_encoding: "cdr",
                 data: CAN_FRAME_DEFINITION.as_bytes().to_vec(),
@@ -108,7 +109,7 @@ impl Topic {
 
 /// What an MCAP schema record and a channel's encoding hold.
 pub(crate) struct Schema {
-    pub(crate) name: &'static str,
+    pub(crate) name: Cow<'static, str>,
     pub(crate) encoding: &'static str,
     pub(crate) message_encoding: &'static str,
     pub(crate) data: Vec<u8>,
@@ -117,7 +118,7 @@ pub(crate) struct Schema {
 impl Schema {
     pub(crate) fn protobuf<M: Message>() -> Self {
         Self {
-            name: M::NAME,
+            name: M::NAME.into(),
             encoding: "protobuf",
             message_encoding: "protobuf",
             data: M::descriptor_set(),

@@ -106,11 +106,6 @@ pub(crate) const fn zigzag(value: i64) -> u64 {
     ((value << 1) ^ (value >> 63)) as u64
 }
 
-/// Undoes [`zigzag`].
-pub(crate) const fn unzigzag(value: u64) -> i64 {
-    (value >> 1) as i64 ^ -((value & 1) as i64)
-}
-
 /// A cursor over a message's bytes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Input<'a> {
@@ -225,9 +220,7 @@ mod tests {
     #[test]
     fn zigzag_keeps_small_magnitudes_small() {
         assert_eq!([0, -1, 1, -2].map(zigzag), [0, 1, 2, 3]);
-        for value in [0, -1, 1, i64::MIN, i64::MAX] {
-            assert_eq!(unzigzag(zigzag(value)), value);
-        }
+        assert_eq!([i64::MAX, i64::MIN].map(zigzag), [u64::MAX - 1, u64::MAX]);
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl Writer {
                 if stopping {
                     break;
                 }
-                thread::sleep(POLL);
+                thread::park_timeout(POLL); // a pusher that waits wakes us sooner
             }
         }
         self.finish()

@@ -1,0 +1,174 @@
+"""Reads a merged run with the stock MCAP packages and checks that it says what it should.
+
+Needs the Python packages mcap, mcap-ros2-support, mcap-protobuf-support and cantools:
+
+    python tests/interop/mcap_readers.py RUN.mcap
+
+Checks, in this order: the file has its summary, attachments and metadata; every topic of the
+contract is there and every message decodes with the stock decoders; log times are in order;
+every raw frame of the contract has its decoded message, and each decoded signal equals what
+cantools makes of the raw frame with the attached .dbc. Exits with 1 and one line per finding
+when something differs, with 2 when the file cannot be read.
+"""
+
+import collections
+import re
+import sys
+
+import cantools
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from mcap_protobuf.decoder import DecoderFactory as Protobuf
+from mcap_ros2.decoder import DecoderFactory as Ros2
+
+CAN_FRAME_FIELDS = (
+    "header id is_extended is_error len data is_fd brs esi is_rtr tx tick".split()
+)
+FINDINGS_MAX = 20
+
+
+def snake_case(name):
+    return re.sub(r"(?<=[^_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
+
+
+class Check:
+    def __init__(self, reader):
+        self.findings = []
+        self.counts = collections.Counter()
+        self.compared = 0
+        self.pending = {}
+        attachments = {a.name: a for a in reader.iter_attachments()}
+        self.require("platoon.dbc" in attachments, "attachment platoon.dbc is missing")
+        self.require(
+            any(name.endswith(".toml") for name in attachments),
+            "no scenario (.toml) is attached",
+        )
+        self.dbc = cantools.database.load_string(
+            attachments["platoon.dbc"].data.decode() if "platoon.dbc" in attachments else "",
+            "dbc",
+        )
+        self.by_id = {message.frame_id: message for message in self.dbc.messages}
+
+    def require(self, holds, text):
+        if not holds:
+            self.findings.append(text)
+
+    def message(self, channel, message, decoded):
+        self.counts[channel.topic] += 1
+        if re.fullmatch(r"/can/[^/]+/frames", channel.topic):
+            self.raw_frame(channel, message, decoded)
+        elif re.fullmatch(r"/ecu\d+/rx", channel.topic):
+            self.frame_fields(channel.topic, decoded)
+        elif match := re.fullmatch(r"/bus(\d+)/(\w+)", channel.topic):
+            self.decoded_signals(match[1], match[2], message, decoded)
+
+    def frame_fields(self, topic, frame):
+        self.require(
+            all(hasattr(frame, field) for field in CAN_FRAME_FIELDS),
+            f"{topic}: a field of CanFrame is missing",
+        )
+        self.require(
+            frame.is_rtr or frame.len == len(frame.data),
+            f"{topic}: len {frame.len} but {len(frame.data)} bytes",
+        )
+
+    def raw_frame(self, channel, message, frame):
+        self.frame_fields(channel.topic, frame)
+        bus = re.search(r"\d+", channel.topic.split("/")[2])[0]
+        known = self.by_id.get(frame.id)
+        if known and frame.is_fd and frame.is_extended and len(frame.data) == known.length:
+            queue = self.pending.setdefault((bus, known.name), collections.deque())
+            queue.append((message.log_time, message.sequence, bytes(frame.data)))
+
+    def decoded_signals(self, bus, name, message, decoded):
+        queue = self.pending.get((bus, name))
+        if not queue:
+            self.findings.append(f"/bus{bus}/{name}: a message without its raw frame")
+            return
+        log_time, sequence, data = queue.popleft()
+        where = f"/bus{bus}/{name} at {log_time} ns"
+        self.require(
+            (log_time, sequence) == (message.log_time, message.sequence),
+            f"{where}: its raw frame has another time or number",
+        )
+        dbc_message = self.dbc.get_message_by_name(name)
+        numbers = dbc_message.decode(data, decode_choices=False)
+        choices = dbc_message.decode(data, decode_choices=True)
+        for signal in dbc_message.signals:
+            self.signal(where, signal, numbers, choices, decoded)
+
+    def signal(self, where, signal, numbers, choices, decoded):
+        field = snake_case(signal.name)
+        if signal.multiplexer_ids and signal.name not in numbers:
+            self.require(not decoded.HasField(field), f"{where}: {field} is of another page")
+            return
+        self.compared += 1
+        value = getattr(decoded, field)
+        self.require(
+            value == numbers[signal.name],
+            f"{where}: {field} is {value!r}, cantools says {numbers[signal.name]!r}",
+        )
+        if signal.choices:
+            text = getattr(decoded, field + "_text")
+            known = numbers[signal.name] in signal.choices
+            expected = str(choices[signal.name]) if known else ""
+            self.require(
+                text == expected, f"{where}: {field}_text is {text!r}, not {expected!r}"
+            )
+
+    def finish(self, summary, metadata):
+        for key, queue in self.pending.items():
+            self.require(not queue, f"/bus{key[0]}/{key[1]}: {len(queue)} frames not decoded")
+        topics = set(self.counts)
+        for pattern in (
+            r"/can/[^/]+/frames",
+            r"/ecu\d+/rx",
+            r"/ecu\d+/tick",
+            r"/bus\d+/EgoState",
+            r"/bus\d+/Actuation",
+            r"/bus\d+/Mission",
+            r"/world/truth",
+            r"/scene",
+        ):
+            found = any(re.fullmatch(pattern, topic) for topic in topics)
+            self.require(found, f"no topic like {pattern}")
+        self.require(metadata, "there is no metadata")
+        self.require(
+            summary is not None
+            and summary.statistics.message_count == sum(self.counts.values()),
+            "the summary counts another number of messages",
+        )
+
+
+def main(path):
+    with open(path, "rb") as file:
+        factories = [Ros2(), Protobuf()]
+        reader = make_reader(file, decoder_factories=factories, validate_crcs=True)
+        check = Check(reader)
+        last = 0
+        for schema, channel, message, decoded in reader.iter_decoded_messages(
+            log_time_order=False
+        ):
+            check.require(message.log_time >= last, f"{channel.topic}: log time goes back")
+            last = message.log_time
+            check.message(channel, message, decoded)
+            if len(check.findings) > FINDINGS_MAX:
+                break
+        else:
+            check.finish(reader.get_summary(), list(reader.iter_metadata()))
+    for finding in check.findings[:FINDINGS_MAX]:
+        print(finding, file=sys.stderr)
+    for topic, count in sorted(check.counts.items()):
+        print(f"{count:9} {topic}")
+    print(f"{check.compared} signals compared with cantools, {len(check.findings)} findings")
+    return 1 if check.findings else 0
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
+    try:
+        sys.exit(main(sys.argv[1]))
+    except (OSError, McapError) as error:
+        print(f"{sys.argv[1]}: {error}", file=sys.stderr)
+        sys.exit(2)
