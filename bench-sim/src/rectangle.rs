@@ -37,8 +37,14 @@ impl Rectangle {
             return -overlap_m;
         }
         // The nearest points of two disjoint convex polygons include a corner of one of them.
-        let mine = self.corners().into_iter().map(|(x, y)| other.distance_m(x, y));
-        let theirs = other.corners().into_iter().map(|(x, y)| self.distance_m(x, y));
+        let mine = self
+            .corners()
+            .into_iter()
+            .map(|(x, y)| other.distance_m(x, y));
+        let theirs = other
+            .corners()
+            .into_iter()
+            .map(|(x, y)| self.distance_m(x, y));
         mine.chain(theirs).fold(f64::INFINITY, f64::min)
     }
 
@@ -101,9 +107,18 @@ mod tests {
     #[test]
     fn aligned_boxes_are_as_far_as_their_sides() {
         let van = Rectangle::new(0.0, 0.0, 0.0, 6.0, 2.2);
-        assert!(close(van.clearance_m(&Rectangle::new(10.0, 0.0, 0.0, 6.0, 2.0)), 4.0));
-        assert!(close(van.clearance_m(&Rectangle::new(1.0, 3.0, 0.0, 6.0, 2.0)), 0.9));
-        assert!(close(van.clearance_m(&Rectangle::new(9.0, 6.1, 0.0, 6.0, 2.0)), 5.0));
+        assert!(close(
+            van.clearance_m(&Rectangle::new(10.0, 0.0, 0.0, 6.0, 2.0)),
+            4.0
+        ));
+        assert!(close(
+            van.clearance_m(&Rectangle::new(1.0, 3.0, 0.0, 6.0, 2.0)),
+            0.9
+        ));
+        assert!(close(
+            van.clearance_m(&Rectangle::new(9.0, 6.1, 0.0, 6.0, 2.0)),
+            5.0
+        ));
     }
 
     #[test]
@@ -118,7 +133,10 @@ mod tests {
     #[test]
     fn overlap_is_negative_by_the_shallowest_way_out() {
         let van = Rectangle::new(0.0, 0.0, 0.0, 6.0, 2.0);
-        assert!(close(van.clearance_m(&Rectangle::new(1.0, 1.7, 0.0, 6.0, 2.0)), -0.3));
+        assert!(close(
+            van.clearance_m(&Rectangle::new(1.0, 1.7, 0.0, 6.0, 2.0)),
+            -0.3
+        ));
         assert!(close(van.clearance_m(&van), -2.0));
     }
 
@@ -126,7 +144,9 @@ mod tests {
     fn clearance_is_symmetric_and_above_its_floor() {
         let mut seed = 1_u64;
         let mut next = |span: f64| {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
             span * ((seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5)
         };
         for _ in 0..2_000 {

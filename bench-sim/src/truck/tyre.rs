@@ -46,7 +46,8 @@ impl Axle {
         let along_n = demanded_n.clamp(-along_max_n, along_max_n);
         let across_max_n = (grip_n * grip_n - along_n * along_n).sqrt();
         let slip_rad = -libm::atan(across_mps / along_mps.max(SLIP_SPEED_MIN_MPS));
-        let across_n = across_max_n * libm::tanh(self.stiffness_n_per_rad * slip_rad / across_max_n);
+        let across_n =
+            across_max_n * libm::tanh(self.stiffness_n_per_rad * slip_rad / across_max_n);
         WheelForce { along_n, across_n }
     }
 }
@@ -55,7 +56,11 @@ impl Axle {
 mod tests {
     use super::*;
 
-    const AXLE: Axle = Axle { stiffness_n_per_rad: 260_000.0, friction: 0.85, load_n: 40_000.0 };
+    const AXLE: Axle = Axle {
+        stiffness_n_per_rad: 260_000.0,
+        friction: 0.85,
+        load_n: 40_000.0,
+    };
 
     #[test]
     fn force_stays_inside_the_friction_circle() {
@@ -65,7 +70,10 @@ mod tests {
                 for along_mps in [0.0, 0.3, 2.0, 25.0] {
                     let force = AXLE.force(demanded_n, along_mps, across_mps);
                     let total_n = libm::hypot(force.along_n, force.across_n);
-                    assert!(total_n <= grip_n * (1.0 + 1e-12), "{total_n} above {grip_n}");
+                    assert!(
+                        total_n <= grip_n * (1.0 + 1e-12),
+                        "{total_n} above {grip_n}"
+                    );
                 }
             }
         }
@@ -82,6 +90,9 @@ mod tests {
     fn braking_takes_side_force_away() {
         let rolling = AXLE.force(0.0, 20.0, -4.0).across_n;
         let braking = AXLE.force(-33e3, 20.0, -4.0).across_n;
-        assert!(braking < 0.35 * rolling && braking > 0.0, "{braking} of {rolling}");
+        assert!(
+            braking < 0.35 * rolling && braking > 0.0,
+            "{braking} of {rolling}"
+        );
     }
 }

@@ -1,0 +1,255 @@
+//! The rig in real time: absolute deadlines, one per base step.
+//!
+//! When the rig wakes late it integrates every missed step and publishes only the latest state, so
+//! bench time never lags the clock by more than one wake-up.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use platoon_dbc::{Clock, EcuMode};
+use serde::Serialize;
+
+use super::Rig;
+
+/// Time between invitations, and between reports of progress \[ns\].
+const CYCLE_NS: u64 = 100_000_000;
+/// Time between two looks at the buses while the run is prepared \[ns\].
+const LOOK_NS: u64 = 5_000_000;
+/// Time between the three farewells \[ns\].
+const FAREWELL_NS: u64 = 10_000_000;
+/// How long ECUs may take to get ready, unless told otherwise \[ns\].
+const READY_TIMEOUT_NS: u64 = 10_000_000_000;
+
+/// What a real-time run needs of its surroundings.
+#[derive(Clone, Copy)]
+pub struct RunOptions<'a> {
+    /// What tells the time and waits for it.
+    pub clock: &'a dyn Clock,
+    /// Set by somebody else to end the run early.
+    pub stop: &'a AtomicBool,
+    /// How long ECUs may take to get ready \[ns\].
+    pub ready_timeout_ns: u64,
+    /// Wall clock (since 1970) minus `clock` \[ns\], for the recording's start time; `None` leaves
+    /// the recorder as it is.
+    pub wall_minus_clock_ns: Option<u64>,
+}
+
+impl<'a> RunOptions<'a> {
+    /// Ten seconds to get ready, and the recorder's start time left alone.
+    pub fn new(clock: &'a dyn Clock, stop: &'a AtomicBool) -> Self {
+        Self {
+            clock,
+            stop,
+            ready_timeout_ns: READY_TIMEOUT_NS,
+            wall_minus_clock_ns: None,
+        }
+    }
+}
+
+/// How far a run is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Progress {
+    /// Waiting for this many ECUs.
+    Preparing {
+        /// ECUs not ready yet.
+        missing: usize,
+    },
+    /// On the way.
+    Running {
+        /// Bench time \[s\].
+        time_s: f64,
+        /// Bench time at the end \[s\].
+        duration_s: f64,
+        /// Wake-ups that missed at least one step so far.
+        late_wakes: u64,
+    },
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RunEnd {
+    /// At the end of the scenario.
+    Finished,
+    /// Because somebody asked.
+    Stopped,
+}
+
+/// How well the rig kept time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct RunReport {
+    /// How the run ended.
+    pub end: RunEnd,
+    /// Wake-ups.
+    pub wakes: u64,
+    /// Wake-ups that found more than one step to do.
+    pub late_wakes: u64,
+    /// Steps that were integrated late, without a publication of their own.
+    pub caught_up_steps: u64,
+    /// Latest wake-up after its deadline \[ns\].
+    pub lateness_ns_max: u64,
+}
+
+/// Why a run did not start.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum RunError {
+    /// An ECU has not answered in time.
+    #[error(
+        "the ECU of truck {truck} on {bus} did not get ready within {seconds} s: \
+         start its controller, on the same bus"
+    )]
+    Silent {
+        /// The truck.
+        truck: usize,
+        /// The name of its bus.
+        bus: String,
+        /// How long the rig waited \[s\].
+        seconds: u64,
+    },
+    /// An ECU reported a fault.
+    #[error("the ECU of truck {truck} on {bus} reports a fault: see what its controller printed")]
+    Fault {
+        /// The truck.
+        truck: usize,
+        /// The name of its bus.
+        bus: String,
+    },
+}
+
+/// Runs a rig in real time from the first invitation to the farewell.
+///
+/// `progress` is called at about 10 Hz, from the loop: it must be quick.
+///
+/// # Errors
+/// When an ECU does not get ready in time, or reports a fault before the start.
+pub fn run(
+    rig: &mut Rig,
+    options: &RunOptions<'_>,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<RunReport, RunError> {
+    let report = RunReport {
+        end: RunEnd::Stopped,
+        wakes: 0,
+        late_wakes: 0,
+        caught_up_steps: 0,
+        lateness_ns_max: 0,
+    };
+    let prepared = prepare(rig, options, progress);
+    let report = match prepared {
+        Ok(true) => pace(rig, options, progress, report),
+        Ok(false) | Err(_) => report,
+    };
+    say_goodbye(rig, options.clock);
+    prepared.map(|_| report)
+}
+
+/// Invites the ECUs until all are ready; false when the run was called off meanwhile.
+fn prepare(
+    rig: &mut Rig,
+    options: &RunOptions<'_>,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<bool, RunError> {
+    let began_ns = options.clock.now_ns();
+    let mut invite_ns = began_ns;
+    while !options.stop.load(Ordering::Relaxed) {
+        let now_ns = options.clock.now_ns();
+        if now_ns >= invite_ns {
+            rig.invite();
+            progress(&Progress::Preparing {
+                missing: rig.silent_trucks().count(),
+            });
+            invite_ns = now_ns + CYCLE_NS;
+        }
+        if rig.ready() {
+            return Ok(true);
+        }
+        refuse_faults(rig)?;
+        if now_ns.saturating_sub(began_ns) > options.ready_timeout_ns {
+            return Err(silent(rig, options.ready_timeout_ns));
+        }
+        options.clock.sleep_until_ns(now_ns + LOOK_NS);
+    }
+    Ok(false)
+}
+
+fn refuse_faults(rig: &Rig) -> Result<(), RunError> {
+    let faulty = rig
+        .nodes
+        .iter()
+        .position(|node| node.ecu_mode == Some(EcuMode::Fault));
+    match faulty {
+        Some(truck) => Err(RunError::Fault {
+            truck,
+            bus: rig.bus(truck).name().to_owned(),
+        }),
+        None => Ok(()),
+    }
+}
+
+fn silent(rig: &Rig, waited_ns: u64) -> RunError {
+    let truck = rig.silent_trucks().next().unwrap_or_default();
+    RunError::Silent {
+        truck,
+        bus: rig.bus(truck).name().to_owned(),
+        seconds: waited_ns / 1_000_000_000,
+    }
+}
+
+/// The loop: wait, see how many steps are due, advance.
+fn pace(
+    rig: &mut Rig,
+    options: &RunOptions<'_>,
+    progress: &mut dyn FnMut(&Progress),
+    mut report: RunReport,
+) -> RunReport {
+    let clock = options.clock;
+    let start_ns = clock.now_ns();
+    if let (Some(offset_ns), Some(recorder)) =
+        (options.wall_minus_clock_ns, rig.tap.recorder.as_mut())
+    {
+        recorder.set_start_wall_ns(start_ns.wrapping_add(offset_ns));
+    }
+    rig.start();
+    let mut progress_ns = 0;
+    while !rig.finished() && !options.stop.load(Ordering::Relaxed) {
+        let step_ns = rig.base_step_ns();
+        let deadline_ns = start_ns + (rig.steps() + 1) * step_ns;
+        clock.sleep_until_ns(deadline_ns);
+        let now_ns = clock.now_ns();
+        let due = (now_ns.saturating_sub(start_ns) / step_ns).saturating_sub(rig.steps());
+        if due == 0 {
+            continue;
+        }
+        rig.advance(due);
+        report.wakes += 1;
+        report.late_wakes += u64::from(due > 1);
+        report.caught_up_steps += due - 1;
+        report.lateness_ns_max = report.lateness_ns_max.max(now_ns - deadline_ns);
+        if rig.time_ns() >= progress_ns {
+            progress(&running(rig, report.late_wakes));
+            progress_ns = rig.time_ns() + CYCLE_NS;
+        }
+    }
+    report.end = if rig.finished() {
+        RunEnd::Finished
+    } else {
+        RunEnd::Stopped
+    };
+    report
+}
+
+fn running(rig: &Rig, late_wakes: u64) -> Progress {
+    let time_s = rig.time_ns() as f64 * 1e-9;
+    Progress::Running {
+        time_s,
+        duration_s: rig.scenario().duration_s,
+        late_wakes,
+    }
+}
+
+/// Tells the ECUs three times that it is over, in case a frame is lost.
+fn say_goodbye(rig: &mut Rig, clock: &dyn Clock) {
+    for _ in 0..3 {
+        rig.end();
+        clock.sleep_until_ns(clock.now_ns() + FAREWELL_NS);
+    }
+}

@@ -1,0 +1,205 @@
+//! The rig's node on one truck's CAN bus: gateway, sensors, radio and actuators of that truck.
+//!
+//! It protects and sends what the rig publishes, checks what the ECU sends (identifier, length,
+//! CRC, counter, order, range), and counts whatever is wrong. A frame that fails a check has no
+//! effect.
+
+mod command;
+
+use platoon_dbc::e2e::{Continuity, Supervisor};
+use platoon_dbc::{Bus, DecodeError, EcuMode, Message, V2vOut};
+use serde::Serialize;
+use traces::{FrameRecord, Recorder};
+
+pub(crate) use command::{CommandRange, CommandWatch};
+
+/// Frames read from one bus per wake-up; the rest waits for the next one.
+const DRAIN_MAX: usize = 256;
+
+/// Messages of the contract.
+const MESSAGES: usize = platoon_dbc::MESSAGES.len();
+
+/// What happened on one truck's bus, as the rig saw it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+pub struct NodeCounts {
+    /// Commands accepted.
+    pub accepted: u64,
+    /// Commands accepted or refused that answer an older tick than the newest published.
+    pub late: u64,
+    /// Commands clipped because they ask for more than the actuators can do.
+    pub out_of_range: u64,
+    /// Commands refused because they answer a tick before the last one, or one not yet published.
+    pub out_of_order: u64,
+    /// Commands refused because the truck was already stopping.
+    pub ignored_while_stopping: u64,
+    /// How often no command came for 100 ms.
+    pub lost_commands: u32,
+    /// Frames whose CRC was wrong.
+    pub bad_crc: u64,
+    /// Frames of the contract with the wrong length, flags, or a value outside the DBC.
+    pub malformed: u64,
+    /// Frames that are not the ECU's to send, or not of the contract at all.
+    pub unknown: u64,
+    /// Frames refused because they repeated their counter.
+    pub repeated: u64,
+    /// Jumps of a counter.
+    pub counter_jumps: u64,
+    /// Frames that the jumps say are missing.
+    pub missing: u64,
+    /// Failed attempts to read the bus.
+    pub receive_failed: u64,
+    /// Wake-ups that left frames unread.
+    pub drain_cut: u64,
+    /// Frames the bus did not take.
+    pub send_failed: u64,
+    /// Messages not sent because a value does not fit its signal.
+    pub not_encodable: u64,
+}
+
+/// Records what passes the nodes, with the time it passes.
+pub(crate) struct Tap {
+    /// Where to, if anywhere; `None` until the run starts.
+    pub(crate) recorder: Option<Recorder>,
+    /// Whether anything is recorded yet.
+    pub(crate) open: bool,
+    /// Bench time \[ns\].
+    pub(crate) time_ns: u64,
+    /// Newest tick published.
+    pub(crate) tick: u32,
+}
+
+impl Tap {
+    fn frame(&mut self, bus: usize, tx: bool, stamp_ns: u64, frame: platoon_dbc::Frame) {
+        let (bus, time_ns, tick) = (bus as u8, self.time_ns, self.tick);
+        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.open) {
+            recorder.push(FrameRecord {
+                bus,
+                time_ns,
+                stamp_ns,
+                tick,
+                tx,
+                frame,
+            });
+        }
+    }
+}
+
+/// The rig's attachment to the bus of one truck.
+pub(crate) struct TruckNode {
+    truck: usize,
+    bus: Box<dyn Bus>,
+    alive: [u8; MESSAGES],
+    supervisors: [Supervisor; MESSAGES],
+    /// The command this truck obeys.
+    pub(crate) watch: CommandWatch,
+    /// The mode its ECU last reported.
+    pub(crate) ecu_mode: Option<EcuMode>,
+    /// What happened on its bus.
+    pub(crate) counts: NodeCounts,
+}
+
+impl TruckNode {
+    pub(crate) fn new(truck: usize, bus: Box<dyn Bus>, tick_period_ns: u64) -> Self {
+        Self {
+            truck,
+            bus,
+            alive: [0; MESSAGES],
+            supervisors: [Supervisor::new(); MESSAGES],
+            watch: CommandWatch::new(tick_period_ns),
+            ecu_mode: None,
+            counts: NodeCounts::default(),
+        }
+    }
+
+    /// The bus of this truck.
+    pub(crate) fn bus(&self) -> &dyn Bus {
+        &*self.bus
+    }
+
+    /// Forgets what came before the run.
+    pub(crate) fn begin(&mut self, tick_period_ns: u64) {
+        self.counts = NodeCounts::default();
+        self.watch = CommandWatch::new(tick_period_ns);
+    }
+
+    /// Counts a wake-up that integrates `span_ns` after draining.
+    pub(crate) fn age(&mut self, span_ns: u64) {
+        self.counts.lost_commands += u32::from(self.watch.age(span_ns));
+    }
+
+    /// Protects a message and puts it on the bus.
+    pub(crate) fn send(&mut self, message: &Message, tap: &mut Tap) {
+        let alive = &mut self.alive[message.index()];
+        let Ok(frame) = message.encode(*alive) else {
+            self.counts.not_encodable += 1;
+            return;
+        };
+        self.bus.set_bench_time(tap.time_ns);
+        if self.bus.send(&frame).is_ok() {
+            *alive = alive.wrapping_add(1);
+            tap.frame(self.truck, true, 0, frame);
+        } else {
+            self.counts.send_failed += 1;
+        }
+    }
+
+    /// Reads the bus and acts on every frame that passes its checks; broadcasts of the truck's
+    /// radio go to `radio`.
+    pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&V2vOut)) {
+        for _ in 0..DRAIN_MAX {
+            let received = match self.bus.receive() {
+                Ok(Some(received)) => received,
+                Ok(None) => return,
+                Err(_) => {
+                    self.counts.receive_failed += 1;
+                    return;
+                }
+            };
+            tap.frame(self.truck, false, received.stamp_ns, received.frame);
+            match self.check(Message::decode(&received.frame)) {
+                Some(Message::Actuation(command)) => {
+                    self.watch.accept(&command, tap.tick, &mut self.counts);
+                }
+                Some(Message::V2vOut(broadcast)) => radio(&broadcast),
+                Some(Message::EcuStatus(status)) => self.ecu_mode = Some(status.ecu_mode),
+                Some(_) | None => {}
+            }
+        }
+        self.counts.drain_cut += 1;
+    }
+
+    /// A message of the ECU that is whole and new, or `None` and a count.
+    fn check(&mut self, decoded: Result<(Message, u8), DecodeError>) -> Option<Message> {
+        let counts = &mut self.counts;
+        let (message, counter) = match decoded {
+            Ok((message, counter)) => (message, counter),
+            Err(error) => {
+                match error {
+                    DecodeError::Crc => counts.bad_crc += 1,
+                    DecodeError::UnknownId => counts.unknown += 1,
+                    _ => counts.malformed += 1,
+                }
+                return None;
+            }
+        };
+        if !matches!(
+            message,
+            Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_)
+        ) {
+            counts.unknown += 1;
+            return None;
+        }
+        match self.supervisors[message.index()].see(counter) {
+            Continuity::First | Continuity::Ok => {}
+            Continuity::Repeated => {
+                counts.repeated += 1;
+                return None;
+            }
+            Continuity::Lost(missing) => {
+                counts.counter_jumps += 1;
+                counts.missing += u64::from(missing);
+            }
+        }
+        Some(message)
+    }
+}

@@ -1,0 +1,308 @@
+//! Which command a truck obeys, and what it does when none comes any more.
+//!
+//! ```text
+//! following --(100 ms without a command)--> coasting --(0.2 s)--> stopping
+//!     ^                                         |
+//!     +-----------(a command came)--------------+
+//! ```
+//!
+//! Coasting: steering straight, no force. Stopping: steering straight, braking at 4 m/s² to a
+//! standstill and holding there; a truck that has begun to stop no longer listens.
+//!
+//! The age of a command is counted in rig ticks processed after draining, not by a clock: when the
+//! whole machine pauses, rig and ECU pause together and nobody is declared dead. A wake-up that has
+//! to catch up counts for at most 10 ms.
+
+use platoon_dbc::Actuation;
+
+use super::NodeCounts;
+use crate::truck::{Command, Truck};
+
+/// Age at which a command counts as lost \[ns\].
+const LOST_NS: u64 = 100_000_000;
+/// Most that one wake-up ages a command \[ns\].
+const AGE_PER_WAKE_MAX_NS: u64 = 10_000_000;
+/// How long a truck without commands coasts before it brakes \[ns\].
+const COAST_NS: u64 = 200_000_000;
+/// How hard it then brakes \[m/s²\].
+const STOP_DECEL_MPS2: f64 = 4.0;
+
+/// Strongest brake of the actuators \[N\].
+const FORCE_MIN_N: f64 = -34_000.0;
+/// Strongest drive of the actuators \[N\].
+const FORCE_MAX_N: f64 = 20_000.0;
+/// Furthest the road wheels turn, 10 degrees \[rad\].
+const STEER_MAX_RAD: f64 = 0.174_532_925_199_432_95;
+
+/// Resolution of the force on the bus \[N\].
+const FORCE_LSB_N: f64 = 0.1;
+/// Resolution of the steering angle on the bus \[rad\].
+const STEER_LSB_RAD: f64 = 1e-6;
+
+/// Where the truck's commands come from now.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Mode {
+    Following,
+    Coasting { left_ns: u64 },
+    Stopping,
+}
+
+/// What the ECU asked for, over the run.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct CommandRange {
+    /// Least and greatest force asked for \[N\].
+    pub(crate) force_n: Option<(f64, f64)>,
+    /// Largest |road-wheel angle| asked for \[rad\].
+    pub(crate) steer_rad: f64,
+    /// Fastest change of the force \[N/s\], resolution of the bus taken off.
+    pub(crate) force_rate_nps: f64,
+    /// Fastest change of the steering angle \[rad/s\], likewise.
+    pub(crate) steer_rate_radps: f64,
+}
+
+/// The command a truck obeys.
+#[derive(Debug, Clone)]
+pub(crate) struct CommandWatch {
+    tick_period_s: f64,
+    newest: Command,
+    /// Tick answered by the newest command and tick at which it came.
+    answered: Option<(u32, u32)>,
+    age_ns: u64,
+    mode: Mode,
+    range: CommandRange,
+}
+
+impl CommandWatch {
+    /// A watch that has seen nothing; its first command is due within the time limit.
+    pub(crate) fn new(tick_period_ns: u64) -> Self {
+        Self {
+            tick_period_s: tick_period_ns as f64 * 1e-9,
+            newest: Command::default(),
+            answered: None,
+            age_ns: 0,
+            mode: Mode::Following,
+            range: CommandRange::default(),
+        }
+    }
+
+    /// Takes in a command that passed its end-to-end checks; `tick` is the newest one published.
+    pub(crate) fn accept(&mut self, message: &Actuation, tick: u32, counts: &mut NodeCounts) {
+        let older = self
+            .answered
+            .is_some_and(|(last, _)| message.answers_tick < last);
+        if older || message.answers_tick > tick {
+            counts.out_of_order += 1;
+            return;
+        }
+        counts.late += u64::from(message.answers_tick < tick);
+        if self.mode == Mode::Stopping {
+            counts.ignored_while_stopping += 1;
+            return;
+        }
+        let asked = Command {
+            force_n: message.force_n,
+            steer_rad: message.steering_rad,
+        };
+        self.measure(&asked, message.answers_tick, tick);
+        self.newest = Command {
+            force_n: asked.force_n.clamp(FORCE_MIN_N, FORCE_MAX_N),
+            steer_rad: asked.steer_rad.clamp(-STEER_MAX_RAD, STEER_MAX_RAD),
+        };
+        let clipped = (asked.force_n - self.newest.force_n).abs() > FORCE_LSB_N
+            || (asked.steer_rad - self.newest.steer_rad).abs() > STEER_LSB_RAD;
+        counts.out_of_range += u64::from(clipped);
+        counts.accepted += 1;
+        self.answered = Some((message.answers_tick, tick));
+        self.age_ns = 0;
+        self.mode = Mode::Following;
+    }
+
+    /// Counts a wake-up that integrates `span_ns` after draining; true when the command is lost
+    /// with it.
+    pub(crate) fn age(&mut self, span_ns: u64) -> bool {
+        self.age_ns += span_ns.min(AGE_PER_WAKE_MAX_NS);
+        let lost = self.mode == Mode::Following && self.age_ns >= LOST_NS;
+        if lost {
+            self.mode = Mode::Coasting { left_ns: COAST_NS };
+        }
+        lost
+    }
+
+    /// What the actuators are asked for during the next step.
+    pub(crate) fn command(&mut self, truck: &Truck, step_ns: u64) -> Command {
+        match self.mode {
+            Mode::Following => self.newest,
+            Mode::Coasting { left_ns } => {
+                self.mode = match left_ns.saturating_sub(step_ns) {
+                    0 => Mode::Stopping,
+                    left_ns => Mode::Coasting { left_ns },
+                };
+                Command::default()
+            }
+            Mode::Stopping => {
+                // The brake does what the resistances leave to do.
+                let p = truck.parameters();
+                let resistance_n = p.resistance_n(truck.state().forward_mps);
+                let force_n = (resistance_n - STOP_DECEL_MPS2 * p.mass_kg).min(0.0);
+                Command {
+                    force_n,
+                    steer_rad: 0.0,
+                }
+            }
+        }
+    }
+
+    /// What the ECU asked for so far.
+    pub(crate) fn range(&self) -> &CommandRange {
+        &self.range
+    }
+
+    /// Whether the truck stops, or has stopped, for want of commands.
+    pub(crate) fn is_stopping(&self) -> bool {
+        self.mode == Mode::Stopping
+    }
+
+    /// Widens the range by one command, before it is clipped.
+    ///
+    /// The time between two commands is that between the ticks they answer or between the ticks
+    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far.
+    fn measure(&mut self, asked: &Command, answers: u32, tick: u32) {
+        let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
+        self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
+        self.range.steer_rad = self.range.steer_rad.max(asked.steer_rad.abs());
+        let Some((last_answers, last_tick)) = self.answered else {
+            return;
+        };
+        let ticks = (answers - last_answers)
+            .max(tick.saturating_sub(last_tick))
+            .max(1);
+        let span_s = f64::from(ticks) * self.tick_period_s;
+        let rate = |change: f64, lsb: f64| (change.abs() - lsb).max(0.0) / span_s;
+        let force = rate(asked.force_n - self.newest.force_n, FORCE_LSB_N);
+        let steer = rate(asked.steer_rad - self.newest.steer_rad, STEER_LSB_RAD);
+        self.range.force_rate_nps = self.range.force_rate_nps.max(force);
+        self.range.steer_rate_radps = self.range.steer_rate_radps.max(steer);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::truck::TruckParameters;
+    use platoon_dbc::ActuationStatus;
+
+    const MS: u64 = 1_000_000;
+
+    fn actuation(answers_tick: u32, force_n: f64, steering_rad: f64) -> Actuation {
+        let actuation_status = ActuationStatus::Solved;
+        Actuation {
+            answers_tick,
+            force_n,
+            steering_rad,
+            actuation_status,
+        }
+    }
+
+    #[test]
+    fn a_command_is_lost_exactly_at_a_hundred_milliseconds() {
+        let mut watch = CommandWatch::new(MS);
+        watch.accept(&actuation(0, 100.0, 0.0), 0, &mut NodeCounts::default());
+        assert_eq!((1..=200).find(|_| watch.age(MS)), Some(100));
+        assert_eq!((0..200).find(|_| watch.age(MS)), None, "noticed twice");
+    }
+
+    #[test]
+    fn a_pause_of_the_whole_machine_is_no_dead_ecu() {
+        let mut watch = CommandWatch::new(MS);
+        assert!(!watch.age(3_000 * MS));
+        assert!(!watch.age(500 * MS));
+    }
+
+    #[test]
+    fn without_commands_the_truck_straightens_coasts_and_stops_at_four() {
+        let mut truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
+        let mut watch = CommandWatch::new(MS);
+        watch.accept(&actuation(0, 5_000.0, 0.05), 0, &mut NodeCounts::default());
+        let (mut braking_from, mut stopped_at) = (None, None);
+        let mut decel_mps2 = 0.0;
+        for ms in 0..8_000 {
+            watch.age(MS);
+            let command = watch.command(&truck, MS);
+            if ms >= 100 {
+                assert_eq!(command.steer_rad, 0.0);
+            }
+            if command.force_n < 0.0 {
+                braking_from.get_or_insert(ms);
+            }
+            truck.step(&command, 1e-3);
+            if ms == 3_000 {
+                decel_mps2 = -truck.acceleration().forward_mps2;
+            }
+            if truck.state().forward_mps == 0.0 {
+                stopped_at.get_or_insert(ms);
+            }
+        }
+        assert_eq!(braking_from, Some(299));
+        assert!((decel_mps2 - 4.0).abs() < 0.01, "{decel_mps2}");
+        assert!(
+            stopped_at.is_some_and(|ms| (4_500..5_500).contains(&ms)),
+            "{stopped_at:?}"
+        );
+        assert!(watch.is_stopping());
+    }
+
+    #[test]
+    fn a_coasting_truck_listens_again_and_a_stopping_one_does_not() {
+        let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
+        let mut counts = NodeCounts::default();
+        let mut watch = CommandWatch::new(MS);
+        (0..10).for_each(|_| drop(watch.age(10 * MS)));
+        assert_eq!(watch.command(&truck, MS), Command::default());
+        watch.accept(&actuation(3, 700.0, 0.01), 3, &mut counts);
+        assert_eq!(watch.command(&truck, MS).force_n, 700.0);
+        (0..10).for_each(|_| drop(watch.age(10 * MS)));
+        (0..201).for_each(|_| drop(watch.command(&truck, MS)));
+        watch.accept(&actuation(4, 700.0, 0.01), 4, &mut counts);
+        assert!(watch.command(&truck, MS).force_n < -20_000.0);
+        assert_eq!((counts.accepted, counts.ignored_while_stopping), (1, 1));
+    }
+
+    #[test]
+    fn commands_outside_the_actuators_are_clipped_counted_and_remembered() {
+        let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
+        let mut counts = NodeCounts::default();
+        let mut watch = CommandWatch::new(MS);
+        watch.accept(&actuation(0, -50_000.0, 0.3), 0, &mut counts);
+        let obeyed = watch.command(&truck, MS);
+        assert_eq!(
+            (obeyed.force_n, obeyed.steer_rad),
+            (FORCE_MIN_N, STEER_MAX_RAD)
+        );
+        assert_eq!(counts.out_of_range, 1);
+        assert_eq!(watch.range().force_n, Some((-50_000.0, -50_000.0)));
+        watch.accept(&actuation(1, 20_000.0, 0.174_533), 1, &mut counts);
+        assert_eq!(counts.out_of_range, 1);
+    }
+
+    #[test]
+    fn rates_are_measured_over_the_ticks_between_commands() {
+        let mut counts = NodeCounts::default();
+        let mut watch = CommandWatch::new(MS);
+        for (answers, tick, force_n) in [(1, 1, 0.0), (2, 2, 57.6), (4, 4, 172.8), (4, 6, 288.0)] {
+            watch.accept(&actuation(answers, force_n, 0.0), tick, &mut counts);
+        }
+        let rate = watch.range().force_rate_nps;
+        assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
+        assert_eq!(counts.late, 1);
+    }
+
+    #[test]
+    fn answers_out_of_order_or_from_the_future_are_refused() {
+        let mut counts = NodeCounts::default();
+        let mut watch = CommandWatch::new(MS);
+        watch.accept(&actuation(5, 1.0, 0.0), 5, &mut counts);
+        watch.accept(&actuation(4, 2.0, 0.0), 5, &mut counts);
+        watch.accept(&actuation(7, 3.0, 0.0), 6, &mut counts);
+        assert_eq!((counts.accepted, counts.out_of_order), (1, 2));
+    }
+}
