@@ -26,6 +26,7 @@
 
 mod bits;
 mod bus;
+mod bus_time;
 mod codec;
 pub mod e2e;
 mod frame;
@@ -37,6 +38,7 @@ pub use bus::{
     Backend, Bus, BusCounts, ErrorFrameCounts, Loopback, OpenError, PortLease, ReceiveError,
     Received, SendError, SocketCan, Udp, UdpOptions,
 };
+pub use bus_time::BusTiming;
 pub use codec::{
     ByteOrder, DecodeError, EncodeError, MessageInfo, SignalInfo, decode_signals, message_info,
 };

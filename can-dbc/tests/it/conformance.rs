@@ -258,6 +258,39 @@ fn stamps_do_not_go_back(mut pair: Pair) {
 }
 
 #[test]
+fn an_interface_that_carries_no_can_is_refused_with_a_remedy() {
+    // Without CAN in the kernel the reason is another one, and so is the remedy.
+    let refusal = SocketCan::open("lo")
+        .expect_err("no CAN interface")
+        .to_string();
+    let remedy = if platoon_dbc::probe::kernel_has_can() {
+        "name a vcan"
+    } else {
+        "use the udp bus"
+    };
+    assert!(
+        refusal.starts_with("interface lo: ") && refusal.contains(remedy),
+        "{refusal}"
+    );
+}
+
+#[test]
+#[ignore = "needs interfaces vcan1 up with MTU 16 and vcan2 down with MTU 72"]
+fn an_interface_in_no_state_for_the_contract_is_refused_with_a_remedy() {
+    for (interface, remedy) in [
+        ("vcan1", "ip link set vcan1 mtu 72"),
+        ("vcan2", "ip link set vcan2 up"),
+        ("vcan9", "there is none of this name"),
+    ] {
+        let refusal = SocketCan::open(interface).expect_err("unfit").to_string();
+        assert!(
+            refusal.contains(interface) && refusal.contains(remedy),
+            "{refusal}"
+        );
+    }
+}
+
+#[test]
 fn buses_that_share_a_port_do_not_hear_each_other() {
     let lease = PortLease::acquire(46_100).expect("a free port");
     let join = |bus| {
