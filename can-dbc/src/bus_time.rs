@@ -9,6 +9,10 @@ use crate::frame::Frame;
 /// Bits after the CRC delimiter: acknowledge slot and delimiter, end of frame, intermission.
 const TAIL_BITS: u64 = 1 + 1 + 7 + 3;
 const CRC_DELIMITER_BITS: u64 = 1;
+/// From the start of an extended FD frame to its BRS bit.
+const EXTENDED_HEAD_BITS: u64 = 36;
+const ESI_BITS: u64 = 1;
+const LENGTH_CODE_BITS: u64 = 4;
 /// After this many equal bits the sender inserts one of the other level.
 const STUFF_RUN: u32 = 5;
 /// FD payloads up to this length have the short CRC.
@@ -49,8 +53,35 @@ impl BusTiming {
     /// # Panics
     /// If a bit rate is 0.
     pub fn frame_time_ns(&self, frame: &Frame) -> u64 {
-        let bits = FrameBits::of(frame);
+        self.time_ns(FrameBits::of(frame))
+    }
+
+    /// The longest that any extended FD frame with bit rate switch and `length` data bytes takes,
+    /// nanoseconds: with a stuff bit after five bits once and after every four from then on.
+    ///
+    /// # Panics
+    /// If a bit rate is 0.
+    pub fn frame_time_ns_max(&self, length: usize) -> u64 {
+        let data = ESI_BITS + LENGTH_CODE_BITS + 8 * length as u64;
+        let head_stuff = (EXTENDED_HEAD_BITS - 1) / 4;
+        let stuff = (EXTENDED_HEAD_BITS + data - 1) / 4;
+        self.time_ns(FrameBits {
+            nominal: EXTENDED_HEAD_BITS + head_stuff + TAIL_BITS,
+            fast: data + stuff - head_stuff + crc_bits(length) + CRC_DELIMITER_BITS,
+        })
+    }
+
+    fn time_ns(&self, bits: FrameBits) -> u64 {
         bits.nominal * NS_PER_S / self.nominal_hz + bits.fast * NS_PER_S / self.data_hz
+    }
+}
+
+/// Stuff count, CRC and fixed stuff bits of an FD frame.
+fn crc_bits(length: usize) -> u64 {
+    if length <= SHORT_CRC_LENGTH {
+        SHORT_CRC_BITS
+    } else {
+        LONG_CRC_BITS
     }
 }
 
@@ -211,6 +242,19 @@ mod tests {
             BusTiming::default().frame_time_ns(&fd(32, 0x55)),
             96_000 + 147_000
         );
+    }
+
+    #[test]
+    fn no_frame_takes_longer_than_the_worst_case() {
+        let timing = BusTiming::default();
+        // 48 + 8 bits at 500 kbit/s and 294 + 66 bits at 2 Mbit/s.
+        assert_eq!(timing.frame_time_ns_max(32), 112_000 + 180_000);
+        for length in [0, 3, 8, 12, 16, 32, 64] {
+            for fill in 0..=255 {
+                let frame = fd(length, fill);
+                assert!(timing.frame_time_ns(&frame) <= timing.frame_time_ns_max(length));
+            }
+        }
     }
 
     #[test]
