@@ -542,3 +542,36 @@ fn results_are_json_with_the_contracts_names() {
     assert!(truck["min_obstacle_clearance_m"].is_null());
     assert!(json["v2v"]["delay_min_s"].is_number() && json["criteria"][0]["passed"] == false);
 }
+
+#[test]
+fn every_frame_and_the_truth_are_recorded_from_the_start_on() {
+    use traces::{Overflow, Recorder, RecorderOptions, Source};
+    let path = std::env::temp_dir().join(format!("platoon-rig-{}.part.mcap", std::process::id()));
+    let options = RecorderOptions {
+        overflow: Overflow::Wait,
+        ..RecorderOptions::new(Source::Rig)
+    };
+    let recorder = Recorder::start(&path, options).expect("the temp folder can be written");
+    let (mut rig, mut ecus) = bench(&scenario(&[("duration_s", "2")]), 1, 1000);
+    rig.tap.recorder = Some(recorder);
+    start(&mut rig, &mut ecus);
+    drive(&mut rig, &mut ecus, 2.0);
+    let counts = |rig: &Rig, truck| {
+        (
+            rig.bus(truck).counts().sent,
+            rig.bus(truck).counts().received,
+        )
+    };
+    let frames: u64 = (0..4)
+        .map(|t| counts(&rig, t))
+        .map(|(sent, received)| sent + received)
+        .sum();
+    // Before the start: one invitation and one answer per truck.
+    let expected = frames - 8 + 201;
+    let finished = rig.take_recorder().expect("given").finish();
+    std::fs::remove_file(&path).expect("was written");
+    assert_eq!(
+        (finished.written, finished.lost, finished.error),
+        (expected, 0, None)
+    );
+}

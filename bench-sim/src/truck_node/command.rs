@@ -157,11 +157,6 @@ impl CommandWatch {
         &self.range
     }
 
-    /// Whether the truck stops, or has stopped, for want of commands.
-    pub(crate) fn is_stopping(&self) -> bool {
-        self.mode == Mode::Stopping
-    }
-
     /// Widens the range by one command, before it is clipped.
     ///
     /// The time between two commands is that between the ticks they answer or between the ticks
@@ -177,7 +172,8 @@ impl CommandWatch {
             .max(tick.saturating_sub(last_tick))
             .max(1);
         let span_s = f64::from(ticks) * self.tick_period_s;
-        let rate = |change: f64, lsb: f64| (change.abs() - lsb).max(0.0) / span_s;
+        // A little more than the resolution, for the rounding of the subtraction itself.
+        let rate = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0) / span_s;
         let force = rate(asked.force_n - self.newest.force_n, FORCE_LSB_N);
         let steer = rate(asked.steer_rad - self.newest.steer_rad, STEER_LSB_RAD);
         self.range.force_rate_nps = self.range.force_rate_nps.max(force);
@@ -248,7 +244,7 @@ mod tests {
             stopped_at.is_some_and(|ms| (4_500..5_500).contains(&ms)),
             "{stopped_at:?}"
         );
-        assert!(watch.is_stopping());
+        assert_eq!(watch.mode, Mode::Stopping);
     }
 
     #[test]
@@ -256,12 +252,15 @@ mod tests {
         let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
         let mut counts = NodeCounts::default();
         let mut watch = CommandWatch::new(MS);
-        (0..10).for_each(|_| drop(watch.age(10 * MS)));
+        let silence = |watch: &mut CommandWatch| (0..10).any(|_| watch.age(10 * MS));
+        assert!(silence(&mut watch));
         assert_eq!(watch.command(&truck, MS), Command::default());
         watch.accept(&actuation(3, 700.0, 0.01), 3, &mut counts);
         assert_eq!(watch.command(&truck, MS).force_n, 700.0);
-        (0..10).for_each(|_| drop(watch.age(10 * MS)));
-        (0..201).for_each(|_| drop(watch.command(&truck, MS)));
+        assert!(silence(&mut watch));
+        for _ in 0..200 {
+            assert_eq!(watch.command(&truck, MS).force_n, 0.0);
+        }
         watch.accept(&actuation(4, 700.0, 0.01), 4, &mut counts);
         assert!(watch.command(&truck, MS).force_n < -20_000.0);
         assert_eq!((counts.accepted, counts.ignored_while_stopping), (1, 1));
@@ -294,6 +293,24 @@ mod tests {
         let rate = watch.range().force_rate_nps;
         assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
         assert_eq!(counts.late, 1);
+    }
+
+    #[test]
+    fn a_command_at_its_rate_limit_passes_after_rounding_on_the_bus() {
+        let mut watch = CommandWatch::new(MS);
+        for tick in 0..2_000 {
+            let (force_n, steering_rad) =
+                (57.6 * f64::from(tick % 300), 3e-4 * f64::from(tick % 300));
+            let sent = actuation(tick, force_n + 0.049, steering_rad + 4.9e-7);
+            let (received, _) = Actuation::decode(&sent.encode(0).expect("fits")).expect("whole");
+            if tick % 300 == 0 {
+                watch.answered = None;
+            }
+            watch.accept(&received, tick, &mut NodeCounts::default());
+        }
+        let range = watch.range();
+        assert!(range.force_rate_nps <= 57_600.0 && range.force_rate_nps > 57_300.0);
+        assert!(range.steer_rate_radps <= 0.3 && range.steer_rate_radps > 0.298);
     }
 
     #[test]
