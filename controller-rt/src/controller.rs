@@ -1,6 +1,7 @@
 //! The slot a control law fits into.
 
-use law::{Decision, Observation};
+use law::qp::QpSolver;
+use law::{Decision, Law, Memory, Observation};
 
 pub use law::Phase;
 
@@ -20,4 +21,43 @@ pub trait Controller: Send {
 
     /// Takes back a memory that [`save`](Self::save) wrote; false when it is damaged.
     fn restore(&mut self, bytes: &[u8]) -> bool;
+}
+
+/// The paper's law in the slot.
+#[derive(Debug, Clone)]
+pub struct LawController<S> {
+    law: Law<S>,
+    memory: Memory,
+}
+
+impl<S: QpSolver> LawController<S> {
+    /// This law, having seen nothing.
+    #[must_use]
+    pub fn new(law: Law<S>) -> Self {
+        Self {
+            law,
+            memory: Memory::new(),
+        }
+    }
+}
+
+impl<S: QpSolver + Send> Controller for LawController<S> {
+    fn step(&mut self, seen: &Observation, mut mark: &mut dyn FnMut(Phase)) -> Decision {
+        self.law.step_marked(&mut self.memory, seen, &mut mark)
+    }
+
+    fn note_applied(&mut self, force_n: f64, steering_rad: f64) {
+        self.memory.note_applied(force_n, steering_rad);
+    }
+
+    fn save(&self, out: &mut [u8]) -> Option<usize> {
+        postcard::to_slice(&self.memory, out)
+            .ok()
+            .map(|used| used.len())
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        let restored = postcard::from_bytes(bytes).ok();
+        restored.map(|memory| self.memory = memory).is_some()
+    }
 }

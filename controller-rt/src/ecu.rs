@@ -16,7 +16,7 @@ use crate::inbox::{Drained, Inbox};
 use crate::laps::Laps;
 use crate::outbox::{Health, Outbox};
 use crate::pacer::{Pacer, Slot};
-use crate::phase_lock::{Arrival, PhaseLock};
+use crate::phase_lock::PhaseLock;
 use crate::picture::Picture;
 use crate::recording::{Recording, TickFacts};
 use crate::report::{Ending, Realtime, Report};

@@ -26,15 +26,17 @@ mod pacer;
 mod phase_lock;
 mod picture;
 mod recording;
+mod reference_qp;
 mod report;
 mod snapshot;
 mod statistics;
 
-pub use controller::{Controller, Phase};
+pub use controller::{Controller, LawController, Phase};
 pub use ecu::{Config, Ecu, RIG_SILENT_NS, run};
 pub use inbox::{Drained, InboxCounts};
 pub use outbox::OutboxCounts;
 pub use pacer::{Pacer, Slot};
 pub use phase_lock::{Arrival, PhaseLock};
 pub use recording::join_snapshot;
+pub use reference_qp::Clarabel;
 pub use report::{Ending, Percentiles, QpTotals, Realtime, Report};
