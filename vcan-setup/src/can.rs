@@ -50,7 +50,7 @@ impl std::fmt::Display for CanSupport {
         match self {
             Self::Available => f.write_str("the kernel has CAN"),
             Self::NoAddressFamily => f.write_str(
-                "the kernel has no CAN (EAFNOSUPPORT); `sudo modprobe can can_raw`, or a kernel \
+                "the kernel has no CAN (EAFNOSUPPORT); `sudo modprobe -a can can_raw`, or a kernel \
                  built with CONFIG_CAN; in a container, on the host",
             ),
             Self::NoRawProtocol => {
@@ -363,7 +363,7 @@ mod tests {
         assert!(
             CanSupport::NoAddressFamily
                 .to_string()
-                .contains("modprobe can")
+                .contains("modprobe -a can")
         );
     }
 
@@ -436,7 +436,7 @@ mod tests {
             error.starts_with("virtual CAN: the kernel has no CAN"),
             "{error}"
         );
-        assert!(error.contains("sudo modprobe can can_raw"), "{error}");
+        assert!(error.contains("sudo modprobe -a can can_raw"), "{error}");
     }
 
     #[test]
