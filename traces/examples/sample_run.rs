@@ -95,7 +95,7 @@ fn record(folder: &Path, ticks: u32, trucks: u8) -> Result<Vec<PathBuf>, Box<dyn
         for truck in 0..trucks {
             bench.tick(tick, truck)?;
         }
-        if tick % 10 == 0 {
+        if tick.is_multiple_of(10) {
             let truth = truth(tick, trucks);
             bench.rig.push(truth);
         }
@@ -125,22 +125,22 @@ impl Bench {
         let time_ns = u64::from(tick) * TICK_NS;
         let counter = tick as u8;
         let ego = self.ego(tick, truck);
-        self.to_ecu(truck, tick, ego.encode(counter)?);
-        if tick % 20 == 0 {
+        self.rig_sends(truck, tick, ego.encode(counter)?);
+        if tick.is_multiple_of(20) {
             let v2v = self.v2v(tick);
-            self.to_ecu(truck, tick, v2v.encode(counter)?);
+            self.rig_sends(truck, tick, v2v.encode(counter)?);
         }
-        if tick % 50 == 0 {
+        if tick.is_multiple_of(50) {
             for page in 0..8 {
-                self.to_ecu(truck, tick, obstacle(tick, page).encode(counter)?);
+                self.rig_sends(truck, tick, obstacle(tick, page).encode(counter)?);
             }
         }
-        if tick % 1000 == 0 {
-            self.to_ecu(truck, tick, mission(truck).encode(counter)?);
+        if tick.is_multiple_of(1000) {
+            self.rig_sends(truck, tick, mission(truck).encode(counter)?);
         }
         let record = self.law(tick, truck, &ego);
         self.ecus[usize::from(truck)].push(record);
-        if tick % 10_000 == 0 {
+        if tick.is_multiple_of(10_000) {
             let snapshot = Snapshot::new(&[truck; 600]).ok_or("too long")?;
             self.ecus[usize::from(truck)].push(MemoryRecord {
                 time_ns,
@@ -154,18 +154,18 @@ impl Bench {
             steering_rad: record.steering_rad,
             actuation_status: dbc::ActuationStatus::Solved,
         };
-        self.to_rig(truck, tick, command.encode(counter)?);
-        if tick % 20 == 0 {
-            self.to_rig(truck, tick, v2v_out(tick, &ego).encode(counter)?);
+        self.ecu_sends(truck, tick, command.encode(counter)?);
+        if tick.is_multiple_of(20) {
+            self.ecu_sends(truck, tick, v2v_out(tick, &ego).encode(counter)?);
         }
-        if tick % 100 == 0 {
-            self.to_rig(truck, tick, status(tick).encode(counter)?);
+        if tick.is_multiple_of(100) {
+            self.ecu_sends(truck, tick, status(tick).encode(counter)?);
         }
         Ok(())
     }
 
     /// A frame of the rig's: on its tap as sent, at the ECU as received.
-    fn to_ecu(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
+    fn rig_sends(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
         let time_ns = u64::from(tick) * TICK_NS;
         let stamp_ns = START_WALL_NS + time_ns + 20_000 + self.noise.below(60_000);
         let sent = FrameRecord {
@@ -187,7 +187,7 @@ impl Bench {
     }
 
     /// A frame of an ECU's, as the rig receives it.
-    fn to_rig(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
+    fn ecu_sends(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
         let time_ns = u64::from(tick + 1) * TICK_NS;
         let stamp_ns = START_WALL_NS + time_ns - 300_000 + self.noise.below(60_000);
         self.rig.push(FrameRecord {

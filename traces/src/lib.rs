@@ -10,6 +10,7 @@
 
 mod cdr;
 mod dropped;
+mod fields;
 mod frame;
 mod input;
 mod list;

@@ -35,8 +35,8 @@ impl<T: Write + Seek + Send> Sink for T {}
 pub(crate) enum Item {
     Frame(FrameRecord),
     Tick(TickRecord),
-    Truth(TruthRecord),
-    Memory(MemoryRecord),
+    Truth(Box<TruthRecord>),
+    Memory(Box<MemoryRecord>),
 }
 
 impl Item {

@@ -12,6 +12,9 @@ use mcap::records::{Record, op};
 
 /// Bytes of a record's opcode and length.
 pub(crate) const ENVELOPE: u64 = 9;
+/// Where a statistics record has its number of chunks: behind the numbers of messages (8 bytes),
+/// schemas (2), channels, attachments and metadata records (4 each).
+const CHUNK_COUNT: std::ops::Range<usize> = 22..26;
 /// Largest attachment or metadata record that is read into memory.
 const SIDE_RECORD_MAX: u64 = 256 << 20;
 
@@ -77,10 +80,11 @@ pub(crate) fn has_magic(source: &mut impl Read) -> io::Result<bool> {
     }
 }
 
-/// Walks the records from behind the magic bytes to the end of the data section.
+/// Walks the records from behind the magic bytes to the footer.
 pub(crate) fn scan(source: &mut (impl Read + Seek), file_length: u64) -> io::Result<Layout> {
     let mut layout = Layout::default();
     let mut offset = MAGIC.len() as u64;
+    let mut in_summary = false;
     loop {
         let rest = file_length.saturating_sub(offset);
         let Some((opcode, body)) = envelope(source, rest)? else {
@@ -94,8 +98,12 @@ pub(crate) fn scan(source: &mut (impl Read + Seek), file_length: u64) -> io::Res
             length: ENVELOPE + body,
         };
         match opcode {
-            op::DATA_END => return Ok(layout),
-            op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE => layout.spans.push(span),
+            op::FOOTER => return Ok(layout),
+            op::DATA_END => in_summary = true,
+            op::STATISTICS => layout.compare_statistics(&read_body(source, body.min(64))?),
+            op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE if !in_summary => {
+                layout.spans.push(span);
+            }
             op::METADATA | op::ATTACHMENT if body <= SIDE_RECORD_MAX => {
                 let bytes = read_body(source, body)?;
                 layout.take_side_record(opcode, &bytes);
@@ -139,5 +147,22 @@ impl Layout {
             }),
             _ => self.loss.records += 1,
         }
+    }
+
+    /// Notices chunks that a damaged opcode has hidden, by the count the writer left.
+    fn compare_statistics(&mut self, body: &[u8]) {
+        let Some(count) = body
+            .get(CHUNK_COUNT)
+            .and_then(|bytes| bytes.try_into().ok())
+        else {
+            self.loss.records += 1;
+            return;
+        };
+        let found = self
+            .spans
+            .iter()
+            .filter(|span| span.opcode == op::CHUNK)
+            .count() as u64;
+        self.loss.chunks += u64::from(u32::from_le_bytes(count)).saturating_sub(found);
     }
 }
