@@ -322,7 +322,7 @@ impl Rig {
         }
         self.steps += 1;
         self.tap.time_ns = self.time_ns();
-        if self.steps % self.grid.steps_per_tick == 0 {
+        if self.steps.is_multiple_of(self.grid.steps_per_tick) {
             self.take_snapshots();
         }
     }

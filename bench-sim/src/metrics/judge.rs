@@ -88,6 +88,7 @@ pub(crate) fn judge(limits: &Criteria, trucks: &[TruckResult]) -> Vec<Criterion>
 }
 
 type Measure = fn(&TruckResult) -> f64;
+type MaybeMeasure = fn(&TruckResult) -> Option<f64>;
 
 fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
     let lost = limits.max_lost_commands.map(f64::from);
@@ -124,7 +125,7 @@ fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 }
 
 fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
-    let table: [(&str, Option<f64>, fn(&TruckResult) -> Option<f64>); 4] = [
+    let table: [(&str, Option<f64>, MaybeMeasure); 4] = [
         ("min_clearance_m", limits.min_clearance_m, |t| {
             t.min_obstacle_clearance_m
         }),
@@ -143,7 +144,7 @@ fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 }
 
 fn judge_settling(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
-    let table: [(&str, Option<f64>, fn(&TruckResult) -> Option<f64>); 2] = [
+    let table: [(&str, Option<f64>, MaybeMeasure); 2] = [
         ("settled_position_s", limits.settled_position_s, |t| {
             t.settled_position_s
         }),

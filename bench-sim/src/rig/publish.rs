@@ -126,7 +126,7 @@ impl Rig {
         };
         let full = "a scenario has no more trucks and obstacles than a record";
         for truck in 0..self.trucks.len() {
-            truth.trucks.push(self.truck_truth(truck)).ok().expect(full);
+            truth.trucks.push(self.truck_truth(truck)).expect(full);
         }
         let time_s = self.time_ns() as f64 * 1e-9;
         for (index, obstacle) in self.obstacles().iter().enumerate() {
@@ -143,7 +143,7 @@ impl Rig {
                 width_m: obstacle.width_m,
                 heading_rad: motion.heading_rad(),
             };
-            truth.obstacles.push(row).ok().expect(full);
+            truth.obstacles.push(row).expect(full);
         }
         truth
     }

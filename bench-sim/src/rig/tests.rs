@@ -433,7 +433,7 @@ impl Clock for TestClock {
     fn sleep_until_ns(&self, deadline_ns: u64) {
         self.ecus.borrow_mut().iter_mut().for_each(TestEcu::tick);
         self.sleeps.set(self.sleeps.get() + 1);
-        let late = self.sleeps.get() % self.late_every == 0;
+        let late = self.sleeps.get().is_multiple_of(self.late_every);
         let wake_ns = deadline_ns + if late { self.late_ns } else { 20_000 };
         self.now_ns.set(self.now_ns.get().max(wake_ns));
     }

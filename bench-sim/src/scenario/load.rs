@@ -105,20 +105,16 @@ impl Scenario {
         let mut table: Table = text
             .parse()
             .map_err(|error| syntax(name_or_path, &text, &error))?;
-        let mut scenario = shaped(&table).map_err(|reason| ScenarioError::Shape {
+        shaped(&table).map_err(|reason| ScenarioError::Shape {
             file: name_or_path.to_owned(),
             reason,
         })?;
+        let base = table.clone();
         for (key, value) in sets {
-            let refused = |reason| ScenarioError::Override {
-                file: name_or_path.to_owned(),
-                key: key.clone(),
-                value: value.clone(),
-                reason,
-            };
-            put(&mut table, key, typed(value)).map_err(refused)?;
-            scenario = shaped(&table).map_err(refused)?;
+            put(&mut table, key, typed(value))
+                .map_err(|reason| refused(name_or_path, (key, value), reason))?;
         }
+        let scenario = shaped(&table).map_err(|reason| blame(name_or_path, &base, sets, reason))?;
         Checker::new(name_or_path).check(&scenario)?;
         Ok(scenario)
     }
@@ -200,6 +196,35 @@ fn one_line(message: &str) -> String {
         .filter(|line| !line.is_empty())
         .collect();
     lines.join(", ")
+}
+
+/// Which of the overrides does not fit: the first that does not even fit alone, else the last.
+///
+/// All are applied before any is judged, because some keys only make sense together.
+fn blame(file: &str, base: &Table, sets: &[(String, String)], together: String) -> ScenarioError {
+    for (key, value) in sets {
+        let mut table = base.clone();
+        let alone = put(&mut table, key, typed(value)).and_then(|()| shaped(&table));
+        if let Err(reason) = alone {
+            return refused(file, (key, value), reason);
+        }
+    }
+    match sets.last() {
+        Some((key, value)) => refused(file, (key, value), together),
+        None => ScenarioError::Shape {
+            file: file.to_owned(),
+            reason: together,
+        },
+    }
+}
+
+fn refused(file: &str, (key, value): (&str, &str), reason: String) -> ScenarioError {
+    ScenarioError::Override {
+        file: file.to_owned(),
+        key: key.to_owned(),
+        value: value.to_owned(),
+        reason,
+    }
 }
 
 /// A value from the command line: TOML if it is TOML, else a bare string.

@@ -56,15 +56,6 @@ fn overrides_reach_their_keys() {
     let scenario = load(&[
         ("platoon.trucks", "6"),
         ("platoon.speed_mps", "20"),
-        ("v2v.loss", "0.1"),
-        ("obstacles.1.x_m", "70.5"),
-        ("obstacles.2.kind", "pedestrian"),
-        ("obstacles.2.lane_change.to_y_m", "0"),
-    ]);
-    assert!(scenario.is_err(), "half a lane change must be refused");
-    let scenario = load(&[
-        ("platoon.trucks", "6"),
-        ("platoon.speed_mps", "20"),
         ("obstacles.1.x_m", "70.5"),
         ("obstacles.2.kind", "pedestrian"),
         ("trucks.5.mass_kg", "9000"),
@@ -88,6 +79,15 @@ fn overrides_reach_their_keys() {
     assert_eq!(scenario.truck_parameters(0).drive_lag_s, 0.4);
     assert_eq!(scenario.criteria.min_clearance_m, Some(0.5));
     assert_eq!(scenario.law["lml_every_ticks"].as_integer(), Some(50));
+}
+
+#[test]
+fn keys_that_only_make_sense_together_can_be_set_together() {
+    let key = |field| format!("obstacles.2.lane_change.{field}");
+    let (to, from, until) = (key("to_y_m"), key("from_s"), key("until_s"));
+    let scenario = load(&[(&to, "0"), (&from, "50"), (&until, "54")]).expect("loads");
+    assert_eq!(scenario.obstacles[1].motion(60.0).y_m, 0.0);
+    refused(&to, "0", &["missing field", "from_s"]);
 }
 
 #[test]
