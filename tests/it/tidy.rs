@@ -6,7 +6,7 @@ use crate::repository;
 
 /// Longest line of a Rust source [characters], as in rustfmt.toml.
 const COLUMNS_MAX: usize = 100;
-/// Largest file [bytes] outside the recorded data.
+/// Largest file \[bytes\] outside the recorded data.
 const FILE_BYTES_MAX: u64 = 1 << 20;
 /// Folders of recorded data, which may hold larger files.
 const RECORDED: [&str; 2] = ["traces/golden/", "controller-rt/law/tests/data/"];

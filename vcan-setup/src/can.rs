@@ -12,9 +12,9 @@ use socketcan::nl::Mtu;
 use crate::link::Link;
 use crate::realtime::{CAP_NET_ADMIN, has_capability};
 
-/// Packet size [bytes] of a CAN FD frame (CANFD_MTU of linux/can.h).
+/// Packet size \[bytes\] of a CAN FD frame (CANFD_MTU of linux/can.h).
 const FD_MTU: u32 = 72;
-/// Longest interface name [bytes] (IFNAMSIZ less its terminator).
+/// Longest interface name \[bytes\] (IFNAMSIZ less its terminator).
 const NAME_BYTES_MAX: usize = 15;
 /// Tries at one interface before giving up; another process may be creating the same one.
 const ATTEMPTS_MAX: usize = 8;
@@ -136,7 +136,7 @@ pub enum CanError {
     NotFd {
         /// Name of the interface.
         name: String,
-        /// Its MTU [bytes].
+        /// Its MTU \[bytes\].
         mtu: u32,
     },
     /// The process has no CAP_NET_ADMIN.

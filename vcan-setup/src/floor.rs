@@ -19,9 +19,9 @@ use hdrhistogram::Histogram;
 use crate::clock::MonotonicClock;
 use crate::realtime::{self, Policy, Refusal, Request};
 
-/// Shortest period [ns] accepted; below it the sentinel would load the machine it measures.
+/// Shortest period \[ns\] accepted; below it the sentinel would load the machine it measures.
 const PERIOD_NS_MIN: u64 = 50_000;
-/// Longest lateness [ns] told apart; a longer one counts as this.
+/// Longest lateness \[ns\] told apart; a longer one counts as this.
 const LATENESS_NS_MAX: u64 = 600_000_000_000;
 /// Significant digits of the histogram.
 const DIGITS: u8 = 3;
@@ -36,7 +36,7 @@ const NS_PER_US: f64 = 1e3;
 pub struct FloorOptions {
     /// CPUs to measure, one thread on each.
     pub cpus: Vec<usize>,
-    /// Grid period [ns].
+    /// Grid period \[ns\].
     pub period_ns: u64,
     /// SCHED_FIFO priority of the threads; `None` for ordinary scheduling.
     pub priority: Option<u8>,
@@ -61,7 +61,7 @@ pub enum FloorError {
     },
 }
 
-/// Lateness percentiles [µs].
+/// Lateness percentiles \[µs\].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Percentiles {
     /// Median.
@@ -85,7 +85,7 @@ pub struct CpuFloor {
     pub priority: u8,
     /// What the thread asked for and did not get; not empty when it could not be pinned.
     pub refused: Vec<Refusal>,
-    /// Lateness [ns] of every grid point.
+    /// Lateness \[ns\] of every grid point.
     pub lateness_ns: Histogram<u64>,
     /// Grid points that passed while the thread was still asleep for an earlier one.
     pub slept_through: u64,
@@ -99,7 +99,7 @@ pub struct Floor {
 }
 
 impl Floor {
-    /// Lateness [ns] of every grid point of every CPU.
+    /// Lateness \[ns\] of every grid point of every CPU.
     #[must_use]
     pub fn lateness_ns(&self) -> Histogram<u64> {
         let mut all = empty_histogram();

@@ -22,7 +22,7 @@ pub(crate) struct Link {
     pub(crate) index: u32,
     /// Kind as in `ip link add type KIND`; `None` for hardware and the loopback device.
     pub(crate) kind: Option<String>,
-    /// Largest packet [bytes]; 72 and more carries CAN FD frames.
+    /// Largest packet \[bytes\]; 72 and more carries CAN FD frames.
     pub(crate) mtu: u32,
     /// Whether the interface is up.
     pub(crate) is_up: bool,

@@ -22,14 +22,14 @@ pub use environment::{Environment, environment};
 pub(crate) const CAP_NET_ADMIN: u32 = 12;
 /// Bit of CAP_IPC_LOCK, which lifts the limit on locked memory.
 const CAP_IPC_LOCK: u32 = 14;
-/// Smallest memlock limit [bytes] under which future mappings may be locked too: below it, an
+/// Smallest memlock limit \[bytes\] under which future mappings may be locked too: below it, an
 /// ordinary thread stack or buffer would soon be refused and end the process.
 const MEMLOCK_BYTES_MIN: u64 = 1 << 30;
-/// Stack [bytes] touched ahead of time; a control loop with fixed-size problems stays well below.
+/// Stack \[bytes\] touched ahead of time; a control loop with fixed-size problems stays well below.
 const PREFAULT_STACK_BYTES: usize = 256 * 1024;
-/// Heap [bytes] touched ahead of time and kept mapped.
+/// Heap \[bytes\] touched ahead of time and kept mapped.
 const PREFAULT_HEAP_BYTES: usize = 8 * 1024 * 1024;
-/// A page, or a part of one [bytes]: one touch in each is enough.
+/// A page, or a part of one \[bytes\]: one touch in each is enough.
 const PAGE_BYTES: usize = 4096;
 
 /// What the calling thread would like to have. The default asks for nothing.
@@ -286,7 +286,7 @@ fn hold_cpu_latency(refused: &mut Vec<Refusal>) -> Option<CpuLatencyHold> {
     }
 }
 
-/// Locked memory of this process [bytes], from the kernel's own count.
+/// Locked memory of this process \[bytes\], from the kernel's own count.
 fn locked_memory_bytes() -> u64 {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let kib = status_field(&status, "VmLck:").and_then(|value| value.parse::<u64>().ok());

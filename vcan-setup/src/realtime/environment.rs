@@ -22,9 +22,9 @@ pub struct Environment {
     pub kernel_version: String,
     /// Whether this is a PREEMPT_RT kernel.
     pub preempt_rt: bool,
-    /// Periodic tick rate [Hz] the kernel was built with, where its configuration is readable.
+    /// Periodic tick rate \[Hz\] the kernel was built with, where its configuration is readable.
     pub tick_hz: Option<u32>,
-    /// Resolution [ns] of CLOCK_MONOTONIC timers; 1 with high-resolution timers.
+    /// Resolution \[ns\] of CLOCK_MONOTONIC timers; 1 with high-resolution timers.
     pub timer_resolution_ns: u64,
     /// Clock source in use, for example `tsc`.
     pub clocksource: Option<String>,
@@ -38,9 +38,9 @@ pub struct Environment {
     pub rtprio_limit: Option<u64>,
     /// Bytes this process may lock without privilege; `None` means no limit.
     pub memlock_limit_bytes: Option<u64>,
-    /// Real-time share [µs] of the kernel's throttling second; `None` means not throttled.
+    /// Real-time share \[µs\] of the kernel's throttling second; `None` means not throttled.
     pub rt_runtime_us: Option<u64>,
-    /// CPU time [ns] the hypervisor took from all CPUs since boot; a difference of two is a run's.
+    /// CPU time \[ns\] the hypervisor took from all CPUs since boot; a difference of two is a run's.
     pub steal_ns: u64,
     /// Whether the machine is a guest of a hypervisor.
     pub virtual_machine: bool,
