@@ -8,7 +8,7 @@ mod delay;
 
 use std::collections::VecDeque;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::noise::{Dice, Stream};
 use crate::scenario::V2v;
@@ -34,7 +34,7 @@ pub(crate) enum Broadcast {
 }
 
 /// The delays and losses a channel really produced.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct ChannelReport {
     /// Shortest measured delay, delivery minus generation \[s\]; `None` when nothing was delivered.
     pub delay_min_s: Option<f64>,

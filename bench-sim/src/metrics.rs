@@ -18,7 +18,7 @@ mod judge;
 #[cfg(test)]
 mod tests;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::obstacle::{Kind, Obstacle};
 use crate::rectangle::Rectangle;
@@ -33,7 +33,7 @@ pub(crate) use judge::judge;
 const CROSSING_MARGIN_M: f64 = 0.2;
 
 /// How one truck did.
-#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct TruckResult {
     /// Its place, 0 is the leader.
     pub index: usize,

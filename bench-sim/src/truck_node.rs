@@ -8,7 +8,7 @@ mod command;
 
 use platoon_dbc::e2e::{Continuity, Supervisor};
 use platoon_dbc::{Bus, DecodeError, EcuMode, Message, V2vOut};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use traces::{FrameRecord, Recorder};
 
 pub(crate) use command::{CommandRange, CommandWatch};
@@ -20,7 +20,7 @@ const DRAIN_MAX: usize = 256;
 const MESSAGES: usize = platoon_dbc::MESSAGES.len();
 
 /// What happened on one truck's bus, as the rig saw it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct NodeCounts {
     /// Commands accepted.
     pub accepted: u64,

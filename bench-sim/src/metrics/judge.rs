@@ -1,12 +1,12 @@
 //! From measurements to a verdict: one line per criterion, each judged on the worst truck.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::TruckResult;
 use crate::scenario::Criteria;
 
 /// One criterion and how the run stands to it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Criterion {
     /// Its key in the scenario.
     pub name: String,

@@ -6,7 +6,7 @@
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use platoon_dbc::{Clock, EcuMode};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Rig;
 
@@ -65,7 +65,7 @@ pub enum Progress {
 }
 
 /// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunEnd {
     /// At the end of the scenario.
@@ -75,7 +75,7 @@ pub enum RunEnd {
 }
 
 /// How well the rig kept time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RunReport {
     /// How the run ended.
     pub end: RunEnd,

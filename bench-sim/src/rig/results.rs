@@ -1,6 +1,6 @@
 //! What a run came to, for the summary.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Rig;
 use crate::channel::ChannelReport;
@@ -9,7 +9,7 @@ use crate::truck_node::NodeCounts;
 
 /// A run as the rig saw it. What only the ECUs know (QP failures, deadlines) is added by whoever
 /// reads their records.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Results {
     /// The scenario's name.
     pub scenario: String,
