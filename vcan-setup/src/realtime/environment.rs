@@ -40,7 +40,7 @@ pub struct Environment {
     pub memlock_limit_bytes: Option<u64>,
     /// Real-time share \[µs\] of the kernel's throttling second; `None` means not throttled.
     pub rt_runtime_us: Option<u64>,
-    /// CPU time \[ns\] the hypervisor took from all CPUs since boot; a difference of two is a run's.
+    /// CPU time \[ns\] the hypervisor took from all CPUs since boot; subtract two for a run's.
     pub steal_ns: u64,
     /// Whether the machine is a guest of a hypervisor.
     pub virtual_machine: bool,
