@@ -37,6 +37,7 @@ class Check:
         self.counts = collections.Counter()
         self.compared = 0
         self.pending = {}
+        self.thinned = set()
         attachments = {a.name: a for a in reader.iter_attachments()}
         self.require("platoon.dbc" in attachments, "attachment platoon.dbc is missing")
         self.require(
@@ -60,7 +61,8 @@ class Check:
         elif re.fullmatch(r"/ecu\d+/rx", channel.topic):
             self.frame_fields(channel.topic, decoded)
         elif match := re.fullmatch(r"/bus(\d+)/(\w+)", channel.topic):
-            self.decoded_signals(match[1], match[2], message, decoded)
+            thinned = "least_period_ns" in channel.metadata
+            self.decoded_signals((match[1], match[2]), message, decoded, thinned)
 
     def frame_fields(self, topic, frame):
         self.require(
@@ -80,17 +82,19 @@ class Check:
             queue = self.pending.setdefault((bus, known.name), collections.deque())
             queue.append((message.log_time, message.sequence, bytes(frame.data)))
 
-    def decoded_signals(self, bus, name, message, decoded):
-        queue = self.pending.get((bus, name))
-        if not queue:
-            self.findings.append(f"/bus{bus}/{name}: a message without its raw frame")
+    def decoded_signals(self, key, message, decoded, thinned):
+        bus, name = key
+        queue = self.pending.get(key, collections.deque())
+        where = f"/bus{bus}/{name} at {message.log_time} ns"
+        place = (message.log_time, message.sequence)
+        while thinned and queue and queue[0][:2] != place:
+            queue.popleft()
+        if thinned:
+            self.thinned.add(key)
+        if not queue or queue[0][:2] != place:
+            self.findings.append(f"{where}: no raw frame of this time and number")
             return
-        log_time, sequence, data = queue.popleft()
-        where = f"/bus{bus}/{name} at {log_time} ns"
-        self.require(
-            (log_time, sequence) == (message.log_time, message.sequence),
-            f"{where}: its raw frame has another time or number",
-        )
+        data = queue.popleft()[2]
         dbc_message = self.dbc.get_message_by_name(name)
         numbers = dbc_message.decode(data, decode_choices=False)
         choices = dbc_message.decode(data, decode_choices=True)
@@ -118,7 +122,8 @@ class Check:
 
     def finish(self, summary, metadata):
         for key, queue in self.pending.items():
-            self.require(not queue, f"/bus{key[0]}/{key[1]}: {len(queue)} frames not decoded")
+            decoded_all = not queue or key in self.thinned
+            self.require(decoded_all, f"/bus{key[0]}/{key[1]}: {len(queue)} frames not decoded")
         topics = set(self.counts)
         for pattern in (
             r"/can/[^/]+/frames",

@@ -6,7 +6,7 @@ message! {
     /// Records that are missing here because the ring was full, with the totals so far.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
     pub struct DroppedRecord = "platoon.Dropped" {
-        /// Bench time of the first record kept after the gap \[ns\].
+        /// Bench time of the first record kept after the gap, or of the last record \[ns\].
         1 time_ns: u64,
         /// Records missing in this gap.
         2 count: u64,

@@ -38,7 +38,7 @@ pub use frame::FrameRecord;
 pub use input::PartReport;
 pub use list::List;
 pub use memory::{MemoryRecord, SNAPSHOT_BYTES_MAX, Snapshot};
-pub use merge::{MergeError, MergeOptions, MergeReport, merge};
+pub use merge::{MergeError, MergeOptions, MergeReport, merge, merge_thinned};
 pub use reader::{Channel, Message, ReadError, Reader};
 pub use record::Record;
 pub use recorder::{Finished, Overflow, Recorder, RecorderError, RecorderOptions};

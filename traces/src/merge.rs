@@ -78,6 +78,20 @@ pub fn merge(
     out: &Path,
     options: &MergeOptions,
 ) -> Result<MergeReport, MergeError> {
+    merge_thinned(parts, out, options, 0)
+}
+
+/// As [`merge`], with at least `decoded_period_ns` of bench time between two decoded messages of
+/// one kind on one bus: a quarter smaller at 10 ms. The recorded frames are all there either way.
+///
+/// # Errors
+/// As [`merge`].
+pub fn merge_thinned(
+    parts: &[PathBuf],
+    out: &Path,
+    options: &MergeOptions,
+    decoded_period_ns: u64,
+) -> Result<MergeReport, MergeError> {
     let mut inputs = parts
         .iter()
         .map(|path| Input::open(path))
@@ -89,7 +103,7 @@ pub fn merge(
         return Err(MergeError::NoPart(reasons.collect::<Vec<_>>().join("; ")));
     }
     let unfinished = Unfinished::create(out)?;
-    let (messages, out_of_order) = unfinished.fill(&mut inputs, options)?;
+    let (messages, out_of_order) = unfinished.fill(&mut inputs, options, decoded_period_ns)?;
     let bytes = unfinished.keep(out)?;
     let parts = inputs.into_iter().map(|input| input.report).collect();
     Ok(MergeReport {
@@ -120,18 +134,27 @@ impl Unfinished {
         }
     }
 
-    fn fill(&self, inputs: &mut [Input], options: &MergeOptions) -> Result<(u64, u64), MergeError> {
+    fn fill(
+        &self,
+        inputs: &mut [Input],
+        options: &MergeOptions,
+        decoded_period_ns: u64,
+    ) -> Result<(u64, u64), MergeError> {
         let path = || self.path.clone();
         let file = File::options().write(true).open(&self.path);
         let file = file.map_err(|source| MergeError::Create {
             path: path(),
             source,
         })?;
-        write_all(BufWriter::with_capacity(1 << 20, file), inputs, options).map_err(|source| {
-            MergeError::Write {
-                path: path(),
-                source,
-            }
+        write_all(
+            BufWriter::with_capacity(1 << 20, file),
+            inputs,
+            options,
+            decoded_period_ns,
+        )
+        .map_err(|source| MergeError::Write {
+            path: path(),
+            source,
         })
     }
 
@@ -163,12 +186,13 @@ fn write_all(
     file: BufWriter<File>,
     inputs: &mut [Input],
     options: &MergeOptions,
+    decoded_period_ns: u64,
 ) -> Result<(u64, u64), McapError> {
     let start_wall_ns = inputs.iter().find_map(Input::start_wall_ns).unwrap_or(0);
     inputs
         .iter_mut()
         .for_each(|input| input.assume_start_wall_ns(start_wall_ns));
-    let mut merged = Merged::create(file, start_wall_ns)?;
+    let mut merged = Merged::create(file, start_wall_ns, decoded_period_ns)?;
     for (name, pairs) in &options.metadata {
         merged.metadata(name, pairs.clone())?;
     }

@@ -9,7 +9,7 @@ use mcap::{McapError, WriteOptions};
 use platoon_dbc::MESSAGES;
 
 use crate::frame::FrameRecord;
-use crate::part::RUN;
+use crate::part::MERGED;
 use crate::reader::Message;
 use crate::scan::Attachment;
 use crate::scene::{self, SceneUpdate};
@@ -23,13 +23,32 @@ const CHUNK_BYTES: u64 = 1 << 20;
 const SCENE_PERIOD_NS: u64 = 50_000_000;
 const SCENE_TOPIC: &str = "/scene";
 
+/// A channel of decoded signals.
+#[derive(Clone, Copy)]
+struct Decoded {
+    channel: u16,
+    /// Bench time of its newest message \[ns\].
+    newest_ns: Option<u64>,
+}
+
+impl Decoded {
+    /// Whether a message at `time_ns` is to be written. The pages of a multiplexed message come
+    /// at one instant and stay together.
+    fn is_due(&self, time_ns: u64, period_ns: u64) -> bool {
+        self.newest_ns.is_none_or(|newest_ns| {
+            time_ns == newest_ns || time_ns >= newest_ns.saturating_add(period_ns)
+        })
+    }
+}
+
 /// The MCAP writer of a merged run.
 pub(crate) struct Merged {
     writer: mcap::Writer<BufWriter<File>>,
     start_wall_ns: u64,
     copied: BTreeMap<Topic, u16>,
     /// Channels of decoded signals by bus and place in `MESSAGES`.
-    decoded: BTreeMap<(u8, usize), u16>,
+    decoded: BTreeMap<(u8, usize), Decoded>,
+    decoded_period_ns: u64,
     scene: Option<u16>,
     scene_due_ns: u64,
     messages: u64,
@@ -38,7 +57,11 @@ pub(crate) struct Merged {
 
 impl Merged {
     /// Begins the file with the wall clock of bench time 0.
-    pub(crate) fn create(file: BufWriter<File>, start_wall_ns: u64) -> Result<Self, McapError> {
+    pub(crate) fn create(
+        file: BufWriter<File>,
+        start_wall_ns: u64,
+        decoded_period_ns: u64,
+    ) -> Result<Self, McapError> {
         let writer = WriteOptions::new()
             .library(concat!("platoon ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
@@ -50,6 +73,7 @@ impl Merged {
             start_wall_ns,
             copied: BTreeMap::new(),
             decoded: BTreeMap::new(),
+            decoded_period_ns,
             scene: None,
             scene_due_ns: 0,
             messages: 0,
@@ -59,7 +83,7 @@ impl Merged {
             ("start_wall_ns".to_owned(), start_wall_ns.to_string()),
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ];
-        merged.metadata(RUN, pairs.into())?;
+        merged.metadata(MERGED, pairs.into())?;
         Ok(merged)
     }
 
@@ -147,29 +171,41 @@ impl Merged {
         message: &Message,
         header: MessageHeader,
     ) -> Result<(), McapError> {
+        let Ok(record) = FrameRecord::decode(&message.data, 0, 0, 0) else {
+            return Ok(());
+        };
+        let Some(index) = signals::index(&record.frame) else {
+            return Ok(());
+        };
+        let decoded = self.decoded(bus, index)?;
+        if !decoded.is_due(message.time_ns(), self.decoded_period_ns) {
+            return Ok(());
+        }
+        let newest_ns = Some(message.time_ns());
+        self.decoded.insert(
+            (bus, index),
+            Decoded {
+                newest_ns,
+                ..decoded
+            },
+        );
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
-        let frame = FrameRecord::decode(&message.data, 0, 0, 0);
-        if let Some(index) = frame
-            .ok()
-            .and_then(|it| signals::encode(&it.frame, &mut buffer))
-        {
-            let channel_id = self.decoded_channel(bus, index)?;
-            self.put(
-                MessageHeader {
-                    channel_id,
-                    ..header
-                },
-                &buffer,
-            )?;
-        }
+        signals::encode(index, &record.frame, &mut buffer);
+        let result = self.put(
+            MessageHeader {
+                channel_id: decoded.channel,
+                ..header
+            },
+            &buffer,
+        );
         self.buffer = buffer;
-        Ok(())
+        result
     }
 
-    fn decoded_channel(&mut self, bus: u8, index: usize) -> Result<u16, McapError> {
-        if let Some(channel) = self.decoded.get(&(bus, index)) {
-            return Ok(*channel);
+    fn decoded(&mut self, bus: u8, index: usize) -> Result<Decoded, McapError> {
+        if let Some(decoded) = self.decoded.get(&(bus, index)) {
+            return Ok(*decoded);
         }
         let info = &MESSAGES[index];
         let schema = Schema {
@@ -178,10 +214,18 @@ impl Merged {
             message_encoding: "protobuf",
             data: signals::descriptor_set(info),
         };
+        let mut metadata = signals::channel_metadata(info);
+        if self.decoded_period_ns > 0 {
+            metadata.insert("least_period_ns".into(), self.decoded_period_ns.to_string());
+        }
         let topic = format!("/bus{bus}/{}", info.name);
-        let channel = self.add_channel(&topic, &schema, &signals::channel_metadata(info))?;
-        self.decoded.insert((bus, index), channel);
-        Ok(channel)
+        let channel = self.add_channel(&topic, &schema, &metadata)?;
+        let decoded = Decoded {
+            channel,
+            newest_ns: None,
+        };
+        self.decoded.insert((bus, index), decoded);
+        Ok(decoded)
     }
 
     /// Adds the scene, when it is time for one.

@@ -22,8 +22,8 @@ const COMPRESSION_LEVEL: u32 = 1;
 
 /// Name of the metadata record a part begins with.
 pub(crate) const PART: &str = "platoon.part";
-/// Name of the metadata record a merged run begins with.
-pub(crate) const RUN: &str = "platoon.run";
+/// Name of the metadata record a merged trace begins with.
+pub(crate) const MERGED: &str = "platoon.merged";
 /// Name of the metadata record a part that was finished ends with.
 pub(crate) const PART_END: &str = "platoon.part_end";
 

@@ -15,7 +15,7 @@ use mcap::records::{Record as Raw, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use thiserror::Error;
 
-use crate::part::{PART, RUN};
+use crate::part::{MERGED, PART};
 use crate::record::Record;
 use crate::scan::{self, Attachment, Layout, Loss, Span};
 use crate::topic::Topic;
@@ -161,7 +161,7 @@ impl Reader {
                 .parse()
                 .ok()
         };
-        let start_wall_ns = note(PART).or_else(|| note(RUN));
+        let start_wall_ns = note(PART).or_else(|| note(MERGED));
         Ok(Some(Self {
             source,
             layout,

@@ -40,14 +40,14 @@ pub struct RecorderOptions {
 }
 
 impl RecorderOptions {
-    /// Real-time recording with the default room, bench time 0 at 1970.
+    /// Real-time recording with the usual room, bench time 0 at 1970.
     #[must_use]
     pub fn new(source: Source) -> Self {
         Self {
             source,
             start_wall_ns: 0,
             overflow: Overflow::DropNewest,
-            capacity: Capacity::default(),
+            capacity: Capacity::of(source),
             interfaces: Vec::new(),
         }
     }

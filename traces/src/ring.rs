@@ -14,6 +14,7 @@ use crossbeam::queue::ArrayQueue;
 use crate::frame::FrameRecord;
 use crate::memory::MemoryRecord;
 use crate::tick::TickRecord;
+use crate::topic::Source;
 use crate::truth::TruthRecord;
 
 /// How many records of each kind wait for the writer before further ones are dropped.
@@ -29,14 +30,24 @@ pub struct Capacity {
     pub memories: usize,
 }
 
-/// Room for a writer that gets no CPU for about four seconds, in about 15 MB.
-impl Default for Capacity {
-    fn default() -> Self {
-        Self {
-            frames: 32_768,
-            ticks: 4_096,
-            truths: 2_048,
-            memories: 16,
+impl Capacity {
+    /// Room for a writer that gets no CPU for some seconds: the rig sees every bus at 1 kHz, an
+    /// ECU its own and a tick per millisecond. 6 MB and 4 MB.
+    #[must_use]
+    pub const fn of(source: Source) -> Self {
+        match source {
+            Source::Rig => Self {
+                frames: 32_768,
+                ticks: 1,
+                truths: 512,
+                memories: 1,
+            },
+            Source::Ecu(_) => Self {
+                frames: 8_192,
+                ticks: 8_192,
+                truths: 1,
+                memories: 64,
+            },
         }
     }
 }

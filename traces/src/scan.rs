@@ -138,7 +138,10 @@ impl Layout {
     fn take_side_record(&mut self, opcode: u8, bytes: &[u8]) {
         match mcap::parse_record(opcode, bytes) {
             Ok(Record::Metadata(record)) => {
-                self.metadata.insert(record.name, record.metadata);
+                self.metadata
+                    .entry(record.name)
+                    .or_default()
+                    .extend(record.metadata);
             }
             Ok(Record::Attachment { header, data, .. }) => self.attachments.push(Attachment {
                 name: header.name,

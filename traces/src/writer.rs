@@ -31,18 +31,20 @@ pub(crate) struct Writer {
     heads: Heads,
     /// Number of the next record if none is missing.
     expected: u64,
+    /// Bench time of the newest record \[ns\].
+    newest_ns: u64,
     has_begun: bool,
     done: Written,
 }
 
 impl Writer {
     pub(crate) fn new(part: Part, rings: Arc<Rings>) -> Self {
-        let heads = Heads::default();
         Self {
             part,
             rings,
-            heads,
+            heads: Heads::default(),
             expected: 0,
+            newest_ns: 0,
             has_begun: false,
             done: Written::default(),
         }
@@ -88,6 +90,7 @@ impl Writer {
     fn write(&mut self, number: u64, item: &Item) {
         let result = self.try_write(number, item);
         self.expected = number + 1;
+        self.newest_ns = item.time_ns();
         if result.is_ok() {
             self.done.written += 1;
         }
@@ -138,6 +141,10 @@ impl Writer {
             return Err(McapError::AttemptedWriteAfterFailure);
         }
         self.begin()?;
+        let numbered = self.rings.numbered();
+        if numbered > self.expected {
+            self.write_gap(numbered, self.newest_ns)?;
+        }
         self.part.finish(self.done.written, self.rings.dropped())
     }
 

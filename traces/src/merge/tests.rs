@@ -240,6 +240,26 @@ fn the_scene_comes_at_twenty_hertz() {
 }
 
 #[test]
+fn decoded_messages_can_be_thinned_but_frames_stay() {
+    let folder = Folder::new("thinned");
+    let rig = folder.part(Source::Rig, 0, |recorder| {
+        for time_ns in 0..100 {
+            recorder.push(command(time_ns));
+            recorder.push(command(time_ns)); // as the pages of a multiplexed message
+        }
+    });
+    let out = folder.path("run.mcap");
+    merge_thinned(&[rig], &out, &MergeOptions::default(), 10).expect("merges");
+    let found = topics_and_times(&out);
+    let (frames, decoded): (Vec<_>, Vec<_>) = found
+        .into_iter()
+        .partition(|(topic, _)| topic.starts_with("/can/"));
+    assert_eq!(frames.len(), 200);
+    assert_eq!(decoded.len(), 20);
+    assert!(decoded.iter().all(|(_, time_ns)| time_ns % 10 == 0));
+}
+
+#[test]
 fn the_same_parts_merge_into_the_same_bytes() {
     let folder = Folder::new("same");
     let rig = folder.part(Source::Rig, 0, |recorder| {

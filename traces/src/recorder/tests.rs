@@ -2,7 +2,7 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use std::sync::{Arc, Mutex};
 
 use super::*;
-use crate::{MemoryRecord, TickRecord};
+use crate::{MemoryRecord, Reader, Record, TickRecord};
 
 /// A sink that fails once it holds `room` bytes.
 #[derive(Clone)]
@@ -85,6 +85,41 @@ fn a_full_ring_drops_and_counts_and_every_record_is_accounted_for() {
     assert_eq!(finished.written, kept);
     assert_eq!(finished.dropped.ticks, 5_000 - kept);
     assert_eq!((finished.lost, finished.error), (0, None));
+}
+
+#[test]
+fn every_gap_in_the_file_is_marked_where_it_is() {
+    let disk = Disk::with_room(usize::MAX);
+    let mut recorder = start(&disk, Overflow::DropNewest).expect("starts");
+    for number in 0..5_000 {
+        recorder.push(tick(number));
+    }
+    let dropped = recorder.finish().dropped.total();
+    assert!(
+        dropped > 0,
+        "four slots cannot hold a burst of five thousand"
+    );
+    let bytes = disk
+        .bytes
+        .lock()
+        .expect("nobody panicked")
+        .get_ref()
+        .clone();
+    let (mut expected, mut marked) = (0, 0);
+    for message in Reader::from_bytes(bytes).expect("MCAP") {
+        match message.record().expect("decodes") {
+            Record::Dropped(gap) => {
+                marked += gap.count;
+                expected += gap.count as u32;
+            }
+            Record::Tick(found) => {
+                assert_eq!(found.tick, expected, "a gap without a mark");
+                expected += 1;
+            }
+            other => panic!("nobody pushed {other:?}"),
+        }
+    }
+    assert_eq!((marked, expected), (dropped, 5_000));
 }
 
 #[test]
