@@ -1,1 +1,7 @@
-fn main() {}
+//! The command `platoon`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    platoon::main()
+}

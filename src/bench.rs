@@ -1,0 +1,239 @@
+//! `platoon bench`: the rig as a process of its own, and beside it the ECUs it is told to host.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread::{self, JoinHandle};
+
+use bench_sim::rig::{self, Progress, RunEnd, RunOptions, RunReport};
+use bench_sim::{Results, Rig, Scenario};
+use controller_rt::{Config, Ecu, Realtime, Report};
+use law::Calibration;
+use platoon_dbc::{Bus, Clock, Loopback};
+use serde::{Deserialize, Serialize};
+use traces::{Overflow, Recorder, Source};
+
+use crate::bus::BusChoice;
+use crate::calibration;
+use crate::cli::{BenchArgs, RunArgs, V2vDelay};
+use crate::clock::{HostClock, wall_ns};
+use crate::failure::Failure;
+use crate::process;
+use crate::progress::ProgressLine;
+use crate::run_folder::RunFolder;
+use crate::summary::Verdict;
+
+/// Frames a hosted ECU's loopback bus holds: a second of silence on either side.
+pub const LOOPBACK_FRAMES: usize = 8192;
+
+/// What the rig's process leaves behind for the one that supervises it.
+#[derive(Debug, Serialize, Deserialize)]
+pub struct RigReport {
+    /// What the run came to.
+    pub results: Results,
+    /// How well the rig kept time.
+    pub pace: RunReport,
+    /// The ECUs hosted beside the rig.
+    pub hosted: Vec<Report>,
+    /// Real-time privileges of the rig.
+    pub realtime: Realtime,
+    /// Records that did not reach the trace, in words; none when all did.
+    pub recording: Option<String>,
+}
+
+/// One line on standard output for the process that supervises this one.
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ProgressMessage {
+    /// Waiting for this many ECUs.
+    Preparing(usize),
+    /// Bench time \[s\].
+    Running(f64),
+}
+
+/// Loads a scenario with everything the command line says about it.
+///
+/// # Errors
+/// When it cannot be run.
+pub fn load_scenario(
+    name: &str,
+    run: &RunArgs,
+    v2v_delay: Option<V2vDelay>,
+) -> Result<Scenario, Failure> {
+    let mut sets: Vec<(String, String)> = v2v_delay
+        .map(V2vDelay::as_sets)
+        .into_iter()
+        .flatten()
+        .collect();
+    sets.extend(
+        run.duration_s
+            .map(|s| ("duration_s".to_owned(), format!("{s:?}"))),
+    );
+    sets.extend(run.set.iter().cloned());
+    Scenario::load(name, &sets).map_err(Failure::usage)
+}
+
+/// Runs the rig until the scenario ends or somebody stops it.
+///
+/// # Errors
+/// When it cannot start.
+pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
+    if args.supervised {
+        process::die_with_parent();
+    }
+    let stop = process::stop_flag()?;
+    let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
+    let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+    let trucks = scenario.platoon.trucks;
+    let bus = if args.supervised {
+        BusChoice::joining(args.bus, &args.place)?
+    } else {
+        BusChoice::for_run(args.bus, &args.place, trucks)?
+    };
+    let folder = RunFolder::open(&args.out)?;
+    let mut hosted = Vec::new();
+    let mut ends: Vec<Box<dyn Bus>> = Vec::new();
+    for truck in 0..trucks as u8 {
+        if args.host.contains(&truck) {
+            let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
+            ends.push(Box::new(rig_end));
+            hosted.push(host(args, calibration, &folder, truck, ecu_end, &stop)?);
+        } else {
+            ends.push(bus.open(truck)?);
+        }
+    }
+    let names = process::bus_names(&ends);
+    if !args.supervised {
+        invite_people(&bus, &names, &args.host);
+    }
+    let recorder = process::recorder(&folder, Source::Rig, Overflow::DropNewest, names)?;
+    let rig = Rig::new(
+        &scenario,
+        args.run.seed,
+        args.run.rate_hz,
+        ends,
+        Some(recorder),
+    )
+    .map_err(Failure::usage)?;
+    let report = drive(rig, args, hosted, &stop)?;
+    process::write_json(&folder.process_report(&process::rig_name()), &report)?;
+    let passed = report.pace.end == RunEnd::Finished && report.results.passed();
+    Ok(if passed { Verdict::Pass } else { Verdict::Fail })
+}
+
+/// The rig's loop, and the end of everything it hosts.
+fn drive(
+    mut rig: Rig,
+    args: &BenchArgs,
+    hosted: Vec<JoinHandle<Report>>,
+    stop: &Arc<AtomicBool>,
+) -> Result<RigReport, Failure> {
+    let clock = HostClock::default();
+    let obtained = process::become_realtime(process::RIG_PRIORITY, args.cpu);
+    let wall_minus_clock_ns = Some(wall_ns().wrapping_sub(clock.now_ns()));
+    let options = RunOptions {
+        wall_minus_clock_ns,
+        ..RunOptions::new(&clock, stop)
+    };
+    let line = ProgressLine::new(rig.scenario().duration_s);
+    let pace = rig::run(&mut rig, &options, &mut |progress| {
+        show(progress, args.supervised, &line)
+    });
+    line.clear();
+    if pace.is_err() {
+        // The hosted ECUs must end too, whatever they were waiting for.
+        stop.store(true, std::sync::atomic::Ordering::Relaxed);
+    }
+    let hosted = hosted
+        .into_iter()
+        .filter_map(|ecu| ecu.join().ok())
+        .collect();
+    let recording = rig.take_recorder().and_then(recording_loss);
+    Ok(RigReport {
+        results: rig.results(),
+        pace: pace.map_err(Failure::cannot_start)?,
+        hosted,
+        realtime: process::as_reported(&obtained),
+        recording,
+    })
+}
+
+/// Closes a recording; what it lost, in words.
+pub fn recording_loss(recorder: Recorder) -> Option<String> {
+    let finished = recorder.finish();
+    let missing = finished.dropped.total() + finished.lost;
+    (missing > 0).then(|| {
+        let reason = finished
+            .error
+            .unwrap_or_else(|| "the writer was too slow".into());
+        format!("{missing} records did not reach the trace: {reason}")
+    })
+}
+
+/// Runs an ECU in a thread of this process, over a loopback bus.
+fn host(
+    args: &BenchArgs,
+    calibration: Calibration,
+    folder: &RunFolder,
+    truck: u8,
+    end: Loopback,
+    stop: &Arc<AtomicBool>,
+) -> Result<JoinHandle<Report>, Failure> {
+    let controller = calibration::controller(calibration, args.solver, args.delay_reading);
+    let interfaces = vec![end.name().to_owned()];
+    let source = Source::Ecu(truck);
+    let recorder = process::recorder(folder, source, Overflow::DropNewest, interfaces)?;
+    let stop = Arc::clone(stop);
+    let run = move || {
+        let obtained = process::become_realtime(process::ECU_PRIORITY, None);
+        let realtime = Some(process::as_reported(&obtained));
+        let config = Config {
+            truck,
+            gain_id: 0,
+            realtime,
+        };
+        let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
+        controller_rt::run(ecu, &HostClock::default(), &stop)
+    };
+    thread::Builder::new()
+        .name(process::ecu_name(truck))
+        .spawn(run)
+        .map_err(|error| Failure::cannot_start(format!("no thread for ECU {truck}: {error}")))
+}
+
+fn show(progress: &Progress, supervised: bool, line: &ProgressLine) {
+    match (supervised, *progress) {
+        (true, Progress::Preparing { missing }) => tell(ProgressMessage::Preparing(missing)),
+        (true, Progress::Running { time_s, .. }) => tell(ProgressMessage::Running(time_s)),
+        (false, Progress::Preparing { missing }) => {
+            line.say(&format!("waiting for {missing} ECU(s)"));
+        }
+        (
+            false,
+            Progress::Running {
+                time_s, duration_s, ..
+            },
+        ) => line.show(time_s, duration_s),
+    }
+}
+
+/// One line to the supervisor. Nobody listening is no reason to stop the rig.
+fn tell(message: ProgressMessage) {
+    use std::io::Write;
+    if let Ok(mut text) = serde_json::to_string(&message) {
+        text.push('\n');
+        let _ = std::io::stdout().write_all(text.as_bytes());
+    }
+}
+
+/// Tells a person which ECUs to start.
+fn invite_people(bus: &BusChoice, names: &[String], hosted: &[u8]) {
+    anstream::eprintln!("rig on {} ({}); start the ECUs:", bus.backend(), bus.reason);
+    let arguments = bus.as_arguments().join(" ");
+    for (truck, _) in names
+        .iter()
+        .enumerate()
+        .filter(|(t, _)| !hosted.contains(&(*t as u8)))
+    {
+        anstream::eprintln!("  platoon controller --truck {truck} {arguments}");
+    }
+}

@@ -1,0 +1,272 @@
+//! Which bus a run uses, and opening one's end of it.
+
+use std::fs;
+
+use platoon_dbc::{Backend, Bus, OpenError, PortLease, SocketCan, Udp, UdpOptions};
+use vcan_setup::can::{self, Vcan};
+
+use crate::cli::{BusKind, BusPlace};
+use crate::failure::Failure;
+
+/// How long an interface is watched for foreign traffic before it is used \[ms\].
+const LISTEN_MS: u64 = 250;
+
+/// The bus of one run: where every truck's bus is.
+#[derive(Debug)]
+pub struct BusChoice {
+    kind: Chosen,
+    /// Why this one, for people.
+    pub reason: String,
+    /// Interfaces made for this run, to be removed at its end.
+    made: Vec<Vcan>,
+}
+
+#[derive(Debug)]
+enum Chosen {
+    SocketCan {
+        interfaces: Vec<String>,
+    },
+    Udp {
+        port: u16,
+        /// Held while the run lasts; none in a process that joins another's run.
+        _lease: Option<PortLease>,
+    },
+    Loopback,
+}
+
+impl BusChoice {
+    /// Chooses the bus of a run of `trucks` trucks, creating interfaces where that is allowed.
+    ///
+    /// # Errors
+    /// When the bus asked for is not to be had; `auto` falls back to udp instead.
+    pub fn for_run(asked: BusKind, place: &BusPlace, trucks: usize) -> Result<Self, Failure> {
+        match asked {
+            BusKind::Loopback => Ok(Self::loopback()),
+            BusKind::Udp => Self::udp(place, "asked for".into()),
+            BusKind::Socketcan => Self::socketcan(place, trucks, "asked for".into()),
+            BusKind::Auto if !place.interfaces.is_empty() => {
+                Self::socketcan(place, trucks, "interfaces were named".into())
+            }
+            BusKind::Auto if place.port.is_some() => {
+                Self::udp(place, "a UDP port was named".into())
+            }
+            BusKind::Auto => Self::socketcan(place, trucks, "the kernel has CAN".into())
+                .or_else(|why_not| Self::udp(place, format!("no kernel CAN here ({why_not})"))),
+        }
+    }
+
+    /// The bus of a process that joins a run: interfaces or port as that run announced them.
+    ///
+    /// # Errors
+    /// When the place does not say where the bus is.
+    pub fn joining(asked: BusKind, place: &BusPlace) -> Result<Self, Failure> {
+        let udp = matches!(asked, BusKind::Udp)
+            || (asked == BusKind::Auto
+                && place.interfaces.is_empty()
+                && !can::kernel_support().is_available());
+        let kind = match asked {
+            BusKind::Loopback => {
+                return Err(Failure::usage(
+                    "--bus loopback lives inside one process; use `platoon rehearse --virtual-time`",
+                ));
+            }
+            _ if udp => Chosen::Udp {
+                port: place.port.unwrap_or(Udp::FIRST_PORT),
+                _lease: None,
+            },
+            _ => Chosen::SocketCan {
+                interfaces: place.interfaces.clone(),
+            },
+        };
+        Ok(Self {
+            kind,
+            reason: "joining a run".into(),
+            made: Vec::new(),
+        })
+    }
+
+    /// In memory, for virtual time.
+    pub fn loopback() -> Self {
+        Self {
+            kind: Chosen::Loopback,
+            reason: "virtual time".into(),
+            made: Vec::new(),
+        }
+    }
+
+    fn udp(place: &BusPlace, reason: String) -> Result<Self, Failure> {
+        let lease = PortLease::acquire(place.port.unwrap_or(Udp::FIRST_PORT))
+            .map_err(Failure::cannot_start)?;
+        let port = lease.port();
+        match place.port {
+            Some(asked) if asked != port => Err(Failure::cannot_start(format!(
+                "--port {asked}: another run or program has it; choose another, or leave --port \
+                 out to take the next free one (now {port})"
+            ))),
+            _ => Ok(Self {
+                kind: Chosen::Udp {
+                    port,
+                    _lease: Some(lease),
+                },
+                reason,
+                made: Vec::new(),
+            }),
+        }
+    }
+
+    fn socketcan(place: &BusPlace, trucks: usize, reason: String) -> Result<Self, Failure> {
+        if place.interfaces.is_empty() {
+            let names: Vec<String> = (0..trucks).map(|i| format!("truck{i}")).collect();
+            let words: Vec<&str> = names.iter().map(String::as_str).collect();
+            let done = can::ensure_vcan(&words).map_err(Failure::cannot_start)?;
+            let chosen = Self {
+                kind: Chosen::SocketCan { interfaces: names },
+                reason,
+                made: done.created,
+            };
+            return chosen.checked(place);
+        }
+        let interfaces = named_interfaces(place, trucks)?;
+        Self {
+            kind: Chosen::SocketCan { interfaces },
+            reason,
+            made: Vec::new(),
+        }
+        .checked(place)
+    }
+
+    /// Refuses physical interfaces that are not armed, and interfaces others use already.
+    fn checked(self, place: &BusPlace) -> Result<Self, Failure> {
+        let Chosen::SocketCan { interfaces } = &self.kind else {
+            return Ok(self);
+        };
+        for name in interfaces {
+            if !place.arm && is_physical(name) {
+                return Err(Failure::usage(format!(
+                    "--interfaces {name}: a physical CAN interface, real actuators may move; say \
+                     --arm if that is meant"
+                )));
+            }
+            if !place.share && carries_traffic(name)? {
+                return Err(Failure::cannot_start(format!(
+                    "interface {name}: carries traffic already; choose another interface, or say \
+                     --share to join it"
+                )));
+            }
+        }
+        Ok(self)
+    }
+
+    /// Kind of the bus, in the words of the summary.
+    pub fn backend(&self) -> &'static str {
+        match self.kind {
+            Chosen::SocketCan { .. } => "socketcan",
+            Chosen::Udp { .. } => "udp",
+            Chosen::Loopback => "loopback",
+        }
+    }
+
+    /// Name of each truck's bus.
+    pub fn interfaces(&self, trucks: usize) -> Vec<String> {
+        (0..trucks)
+            .map(|truck| match &self.kind {
+                Chosen::SocketCan { interfaces } => {
+                    interfaces.get(truck).cloned().unwrap_or_default()
+                }
+                Chosen::Udp { port, .. } => {
+                    format!("udp:{}:{port}", Udp::group_of_bus(truck as u8))
+                }
+                Chosen::Loopback => format!("loopback{truck}"),
+            })
+            .collect()
+    }
+
+    /// The options that make another process join this bus.
+    pub fn as_arguments(&self) -> Vec<String> {
+        let words: Vec<String> = match &self.kind {
+            Chosen::SocketCan { interfaces } => {
+                vec![
+                    "--interfaces".into(),
+                    interfaces.join(","),
+                    "--share".into(),
+                    "--arm".into(),
+                ]
+            }
+            Chosen::Udp { port, .. } => vec!["--port".into(), port.to_string()],
+            Chosen::Loopback => Vec::new(),
+        };
+        ["--bus".to_owned(), self.backend().to_owned()]
+            .into_iter()
+            .chain(words)
+            .collect()
+    }
+
+    /// Opens one end of a truck's bus.
+    ///
+    /// # Errors
+    /// What the back-end says, with the remedy.
+    pub fn open(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
+        let opened: Result<Box<dyn Bus>, OpenError> = match &self.kind {
+            Chosen::SocketCan { interfaces } => {
+                // A single interface given to a lone ECU is that truck's, whatever its number.
+                let name = match interfaces.as_slice() {
+                    [] => format!("truck{truck}"),
+                    [only] => only.clone(),
+                    many => many.get(usize::from(truck)).cloned().ok_or_else(|| {
+                        Failure::usage(format!(
+                            "--interfaces names {} interfaces, none for truck {truck}",
+                            many.len()
+                        ))
+                    })?,
+                };
+                SocketCan::open(&name).map(|bus| Box::new(bus) as _)
+            }
+            Chosen::Udp { port, .. } => {
+                let tag = format!("truck{truck}");
+                let group = Udp::group_of_bus(truck);
+                Udp::join(UdpOptions {
+                    group,
+                    port: *port,
+                    tag: &tag,
+                })
+                .map(|bus| Box::new(bus) as _)
+            }
+            Chosen::Loopback => {
+                return Err(Failure::usage(
+                    "the loopback bus has no end outside its process",
+                ));
+            }
+        };
+        opened.map_err(Failure::cannot_start)
+    }
+}
+
+impl Drop for BusChoice {
+    fn drop(&mut self) {
+        // Interfaces we made; one that somebody else removed meanwhile is no loss.
+        let _ = can::remove_vcan(&self.made);
+    }
+}
+
+fn named_interfaces(place: &BusPlace, trucks: usize) -> Result<Vec<String>, Failure> {
+    if place.interfaces.len() < trucks {
+        return Err(Failure::usage(format!(
+            "--interfaces names {} of them, the scenario has {trucks} trucks; name one per truck",
+            place.interfaces.len()
+        )));
+    }
+    Ok(place.interfaces[..trucks].to_vec())
+}
+
+/// Whether an interface is backed by hardware: the kernel links those to their device.
+fn is_physical(name: &str) -> bool {
+    fs::exists(format!("/sys/class/net/{name}/device")).unwrap_or(false)
+}
+
+/// Listens for a moment, to keep out of somebody else's bus.
+fn carries_traffic(name: &str) -> Result<bool, Failure> {
+    let mut bus = SocketCan::open(name).map_err(Failure::cannot_start)?;
+    debug_assert_eq!(bus.backend(), Backend::Socketcan);
+    bus.wait(std::time::Duration::from_millis(LISTEN_MS))
+        .map_err(|error| Failure::cannot_start(format!("interface {name}: {error}")))
+}

@@ -1,0 +1,67 @@
+//! From a scenario's `law` table or an ECU's own file to a control law in its slot.
+
+use std::fs;
+use std::path::Path;
+
+use controller_rt::{Clarabel, Controller, LawController};
+use law::qp::ActiveSet;
+use law::{Calibration, Law};
+
+use crate::cli::{DelayReadingKind, SolverKind};
+use crate::failure::Failure;
+
+/// Reads the calibration a `law` table gives; keys it leaves out have their published values.
+///
+/// # Errors
+/// Names `source`, the key and what is allowed.
+pub fn from_table(source: &str, table: &toml::Table) -> Result<Calibration, Failure> {
+    let calibration: Calibration = table.clone().try_into().map_err(|error: toml::de::Error| {
+        let reason = error.message().replace('\n', " ");
+        Failure::usage(format!("{source}: law: {reason}"))
+    })?;
+    match calibration.defect() {
+        Some((key, allowed)) => Err(Failure::usage(format!(
+            "{source}: law.{key} is impossible: allowed is {allowed}"
+        ))),
+        None => Ok(calibration),
+    }
+}
+
+/// Reads an ECU's own calibration file; without one the published values hold.
+///
+/// # Errors
+/// When the file cannot be read or makes no sense.
+pub fn from_file(path: Option<&Path>) -> Result<Calibration, Failure> {
+    let Some(path) = path else {
+        return Ok(Calibration::default());
+    };
+    let source = path.display().to_string();
+    let text = fs::read_to_string(path).map_err(|error| {
+        Failure::cannot_start(format!("--law {source}: {error}; name a TOML file"))
+    })?;
+    let table = text.parse().map_err(|error: toml::de::Error| {
+        Failure::usage(format!(
+            "--law {source}: {}",
+            error.message().replace('\n', " ")
+        ))
+    })?;
+    from_table(&source, &table)
+}
+
+/// The paper's law with the solver asked for, ready for an ECU.
+pub fn controller(
+    mut calibration: Calibration,
+    solver: SolverKind,
+    reading: Option<DelayReadingKind>,
+) -> Box<dyn Controller> {
+    if let Some(reading) = reading {
+        calibration.ucl.delay_reading = reading.into();
+    }
+    match solver {
+        SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
+        SolverKind::Clarabel => Box::new(LawController::new(Law::new(
+            calibration,
+            Clarabel::default(),
+        ))),
+    }
+}

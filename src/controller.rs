@@ -1,0 +1,59 @@
+//! `platoon controller`: one truck's ECU as a process of its own.
+
+use controller_rt::{Config, Ecu};
+use law::Calibration;
+use traces::{Overflow, Source};
+
+use crate::bus::BusChoice;
+use crate::calibration;
+use crate::cli::ControllerArgs;
+use crate::clock::HostClock;
+use crate::failure::Failure;
+use crate::process;
+use crate::run_folder::RunFolder;
+
+/// Runs the ECU until its mission ends, its rig falls silent, or somebody stops it.
+///
+/// # Errors
+/// When it cannot start.
+pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
+    if args.supervised {
+        process::die_with_parent();
+    }
+    let stop = process::stop_flag()?;
+    let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
+    let controller = calibration::controller(calibration, args.solver, args.delay_reading);
+    let folder = RunFolder::open(&args.out)?;
+    let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
+    let source = Source::Ecu(args.truck);
+    let interfaces = vec![bus.name().to_owned()];
+    // The recorder's thread starts first, so that it does not inherit the loop's priority.
+    let recorder = process::recorder(&folder, source, Overflow::DropNewest, interfaces)?;
+    if !args.supervised {
+        anstream::eprintln!("ECU {} waits for a mission on {}", args.truck, bus.name());
+    }
+
+    let obtained = process::become_realtime(process::ECU_PRIORITY, args.cpu);
+    for refusal in &obtained.refused {
+        anstream::eprintln!("ECU {}: running without it: {refusal}", args.truck);
+    }
+    let config = Config {
+        truck: args.truck,
+        gain_id: 0,
+        realtime: Some(process::as_reported(&obtained)),
+    };
+    let ecu = Ecu::new(config, bus, controller, Some(recorder));
+    let report = controller_rt::run(ecu, &HostClock::default(), &stop);
+    process::write_json(&folder.process_report(&source.to_string()), &report)?;
+    if !args.supervised {
+        anstream::eprintln!(
+            "ECU {}: {} ticks, {} late, {} skipped; recording and report in {}",
+            args.truck,
+            report.ticks,
+            report.misses,
+            report.skipped,
+            folder.path().display()
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,76 @@
+//! Rehearses a truck-platoon hardware-in-the-loop test over CAN, on a Linux laptop.
+//!
+//! This package is the command: one module per verb, and the only place that knows both sides of
+//! the bus. The parts are crates of their own: `controller-rt` (the ECU) with `law` (the paper's
+//! control law), `bench-sim` (the rig), `platoon-dbc` (messages and buses), `traces` (recordings),
+//! `vcan-setup` (the host).
+
+#[cfg(not(target_os = "linux"))]
+compile_error!("platoon needs Linux: SocketCAN, real-time scheduling and its clocks");
+
+mod bench;
+mod bus;
+mod bus_load;
+mod calibration;
+mod cli;
+mod clock;
+mod controller;
+mod failure;
+mod fault;
+mod process;
+mod progress;
+pub mod rehearse;
+mod run_folder;
+mod scenarios;
+pub mod summary;
+mod timing;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use cli::{BenchArgs, Cli, ControllerArgs, Verb};
+use failure::{EXIT_FAILED, EXIT_PASSED, Failure};
+use summary::Verdict;
+
+pub use cli::RehearseArgs;
+
+/// The command `platoon`: reads the command line, runs the verb, returns the exit code.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    finish(match cli.verb.unwrap_or(Verb::Rehearse(cli.rehearse)) {
+        Verb::Rehearse(args) => rehearse::run(&args),
+        Verb::Controller(args) => controller::run(&args).map(|()| Verdict::Pass),
+        Verb::Bench(args) => bench::run(&args),
+        Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
+    })
+}
+
+/// The thin command `controller-rt`: one ECU and nothing else.
+pub fn controller_main() -> ExitCode {
+    finish(controller::run(&alone::<ControllerArgs>("controller-rt")).map(|()| Verdict::Pass))
+}
+
+/// The thin command `bench-sim`: the rig and nothing else.
+pub fn bench_main() -> ExitCode {
+    finish(bench::run(&alone::<BenchArgs>("bench-sim")))
+}
+
+/// Parses the options of one verb as a command line of its own.
+fn alone<Options: clap::Args>(name: &'static str) -> Options {
+    let command =
+        Options::augment_args(clap::Command::new(name).version(env!("CARGO_PKG_VERSION")));
+    Options::from_arg_matches(&command.get_matches()).unwrap_or_else(|error| error.exit())
+}
+
+/// A verdict or the reason there is none, as an exit code.
+fn finish(outcome: Result<Verdict, Failure>) -> ExitCode {
+    match outcome {
+        Ok(Verdict::Pass) => EXIT_PASSED.into(),
+        Ok(Verdict::Fail) => EXIT_FAILED.into(),
+        Err(failure) => {
+            anstream::eprintln!("platoon: {failure}");
+            failure.exit_code()
+        }
+    }
+}

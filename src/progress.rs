@@ -1,0 +1,54 @@
+//! Showing how far a run is, without getting in its way.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Steps of the bar: milliseconds of bench time.
+const STEPS_PER_S: f64 = 1e3;
+
+/// The line that shows how far a run is; silent when standard error is no terminal.
+pub struct ProgressLine {
+    bar: ProgressBar,
+}
+
+impl ProgressLine {
+    /// A line for a run of `duration_s` seconds of bench time.
+    pub fn new(duration_s: f64) -> Self {
+        let target = if std::io::stderr().is_terminal() {
+            ProgressDrawTarget::stderr_with_hz(5)
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        let bar = ProgressBar::with_draw_target(Some((duration_s * STEPS_PER_S) as u64), target);
+        let style =
+            ProgressStyle::with_template("{bar:32.cyan/dim} {msg}  (Ctrl-C ends it cleanly)")
+                .unwrap_or_else(|_| ProgressStyle::default_bar());
+        bar.set_style(style);
+        Self { bar }
+    }
+
+    /// Says what is going on before bench time runs.
+    pub fn say(&self, what: &str) {
+        self.bar.set_message(what.to_owned());
+        self.bar.tick();
+    }
+
+    /// Shows the bench time.
+    pub fn show(&self, time_s: f64, duration_s: f64) {
+        self.bar.set_position((time_s * STEPS_PER_S) as u64);
+        self.bar
+            .set_message(format!("{time_s:6.1} of {duration_s:.0} s"));
+    }
+
+    /// Keeps the line alive while nothing is reported.
+    pub fn keep_alive(&self) {
+        self.bar.enable_steady_tick(Duration::from_millis(500));
+    }
+
+    /// Takes the line away.
+    pub fn clear(&self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,226 @@
+//! `platoon rehearse`: rig and ECUs together, judged at the end.
+
+mod real_time;
+mod trace;
+mod virtual_time;
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::time::Instant;
+
+use bench_sim::{Results, Scenario};
+use controller_rt::Report;
+use law::Calibration;
+use vcan_setup::floor::Floor;
+use vcan_setup::realtime::environment;
+
+use crate::bench::load_scenario;
+use crate::bus::BusChoice;
+use crate::calibration;
+use crate::cli::{BusKind, EcuChoice, RehearseArgs};
+use crate::failure::Failure;
+use crate::process;
+use crate::run_folder::RunFolder;
+use crate::summary::{Files, Ingredients, Summary, Verdict};
+
+/// A rehearsal that is ready to run: everything is checked, nothing is written yet.
+struct Plan<'a> {
+    args: &'a RehearseArgs,
+    scenario: Scenario,
+    calibration: Calibration,
+}
+
+/// How a run ended, before it is judged.
+#[derive(Default)]
+struct Outcome {
+    results: Option<Results>,
+    ecus: Vec<Report>,
+    floor: Option<Floor>,
+    notes: Vec<String>,
+    interrupted: bool,
+}
+
+/// Rehearses, prints the summary, leaves the run's files.
+///
+/// # Errors
+/// When the run cannot start.
+pub fn run(args: &RehearseArgs) -> Result<Verdict, Failure> {
+    let plan = Plan::new(args)?;
+    if plan.is_virtual() {
+        let bus = BusChoice::loopback();
+        let folder = RunFolder::create(args.out.as_deref(), &args.scenario)?;
+        plan.conclude(&folder, &bus, || virtual_time::run(&plan, &folder))
+    } else {
+        let bus = BusChoice::for_run(args.bus, &args.place, plan.trucks())?;
+        let folder = RunFolder::create(args.out.as_deref(), &args.scenario)?;
+        plan.announce(&bus);
+        plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus))
+    }
+}
+
+impl<'a> Plan<'a> {
+    /// Checks everything that can be checked without touching the machine.
+    fn new(args: &'a RehearseArgs) -> Result<Self, Failure> {
+        if args.virtual_time && !matches!(args.bus, BusKind::Auto | BusKind::Loopback) {
+            return Err(Failure::usage(
+                "--virtual-time runs on the loopback bus; leave out --bus, or --virtual-time",
+            ));
+        }
+        let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
+        let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+        let plan = Self {
+            args,
+            scenario,
+            calibration,
+        };
+        let trucks = plan.trucks();
+        let known = |truck: u8| usize::from(truck) < trucks;
+        if let EcuChoice::One(truck) = args.ecu
+            && !known(truck)
+        {
+            return Err(Failure::usage(format!(
+                "--ecu {truck}: the scenario has trucks 0 to {}",
+                trucks - 1
+            )));
+        }
+        match args.fault.iter().find(|fault| !known(fault.truck)) {
+            Some(fault) => Err(Failure::usage(format!(
+                "--fault truck={}: the scenario has trucks 0 to {}",
+                fault.truck,
+                trucks - 1
+            ))),
+            None => Ok(plan),
+        }
+    }
+
+    fn is_virtual(&self) -> bool {
+        self.args.virtual_time || self.args.bus == BusKind::Loopback
+    }
+
+    fn trucks(&self) -> usize {
+        self.scenario.platoon.trucks
+    }
+
+    /// Says loudly which bus it is and why.
+    fn announce(&self, bus: &BusChoice) {
+        anstream::eprintln!(
+            "{}: {} trucks at {} Hz, {:.0} s, on bus {} ({})",
+            self.scenario.name,
+            self.trucks(),
+            self.args.run.rate_hz,
+            self.scenario.duration_s,
+            bus.backend(),
+            bus.reason
+        );
+    }
+
+    /// Runs, merges the recordings, judges, and writes and prints the summary.
+    fn conclude(
+        &self,
+        folder: &RunFolder,
+        bus: &BusChoice,
+        run: impl FnOnce() -> Result<Outcome, Failure>,
+    ) -> Result<Verdict, Failure> {
+        self.write_inputs(folder)?;
+        let began = Instant::now();
+        let mut outcome = run()?;
+        let elapsed_s = began.elapsed().as_secs_f64();
+        let mut files = Files {
+            report: Some(folder.report().display().to_string()),
+            mcap: None,
+        };
+        match trace::merge(self, folder) {
+            Ok(notes) => {
+                files.mcap = Some(folder.trace().display().to_string());
+                outcome.notes.extend(notes);
+            }
+            Err(why) => outcome.notes.push(why),
+        }
+        let mut summary = Summary::new(Ingredients {
+            scenario: &self.scenario,
+            seed: self.args.run.seed,
+            rate_hz: self.args.run.rate_hz,
+            solver: self.args.solver.word(),
+            results: outcome.results,
+            ecus: outcome.ecus,
+            floor: outcome.floor.as_ref(),
+            bus: (
+                bus.backend().into(),
+                bus.reason.clone(),
+                bus.interfaces(self.trucks()),
+            ),
+            elapsed_s,
+            notes: outcome.notes,
+            interrupted: outcome.interrupted,
+            environment: describe_environment(),
+        });
+        summary.files = files;
+        self.publish(folder, &summary)?;
+        Ok(summary.verdict)
+    }
+
+    /// What the processes of the run read, and what somebody needs to repeat it.
+    fn write_inputs(&self, folder: &RunFolder) -> Result<(), Failure> {
+        let law = toml::to_string(&self.calibration)
+            .map_err(|error| Failure::cannot_start(format!("law.toml: {error}")))?;
+        for (path, text) in [
+            (folder.scenario(), self.scenario.to_toml()),
+            (folder.law(), law),
+        ] {
+            fs::write(&path, text).map_err(|error| {
+                Failure::cannot_start(format!("cannot write {}: {error}", path.display()))
+            })?;
+        }
+        Ok(())
+    }
+
+    fn publish(&self, folder: &RunFolder, summary: &Summary) -> Result<(), Failure> {
+        let page = summary.page();
+        anstream::println!("{page}");
+        let plain = anstream::adapter::strip_str(&page).to_string();
+        fs::write(folder.report(), plain).map_err(|error| {
+            Failure::cannot_start(format!(
+                "cannot write {}: {error}",
+                folder.report().display()
+            ))
+        })?;
+        process::write_json(&folder.summary(), summary)?;
+        match &self.args.json {
+            Some(path) => process::write_json(path, summary),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The machine, in words.
+fn describe_environment() -> BTreeMap<String, String> {
+    let host = environment();
+    let list = |cpus: &[usize]| {
+        cpus.iter()
+            .map(usize::to_string)
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    let limit = |limit: Option<u64>| limit.map_or("unlimited".into(), |n| n.to_string());
+    BTreeMap::from([
+        ("kernel".into(), host.kernel),
+        ("preempt_rt".into(), host.preempt_rt.to_string()),
+        (
+            "tick_hz".into(),
+            host.tick_hz.map_or("unknown".into(), |hz| hz.to_string()),
+        ),
+        (
+            "clocksource".into(),
+            host.clocksource.unwrap_or_else(|| "unknown".into()),
+        ),
+        ("governors".into(), host.governors.join(",")),
+        ("online_cpus".into(), list(&host.online_cpus)),
+        ("isolated_cpus".into(), list(&host.isolated_cpus)),
+        ("rtprio_limit".into(), limit(host.rtprio_limit)),
+        (
+            "memlock_limit_bytes".into(),
+            limit(host.memlock_limit_bytes),
+        ),
+        ("virtual_machine".into(), host.virtual_machine.to_string()),
+    ])
+}

@@ -1,0 +1,433 @@
+//! A rehearsal in real time: the rig and every ECU are processes of their own, and this one only
+//! starts them, watches them, breaks them where asked, and ends them.
+
+use std::fs::File;
+use std::path::Path;
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+
+use rustix::process::{Pid, Signal, kill_process};
+use tokio::io::{AsyncBufReadExt, BufReader, Lines};
+use tokio::process::{ChildStdout, Command};
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::mpsc;
+use tokio::time::{Instant, sleep, sleep_until};
+use vcan_setup::floor::{self, Floor, FloorOptions};
+use vcan_setup::realtime::environment;
+
+use super::{Outcome, Plan};
+use crate::bench::{ProgressMessage, RigReport};
+use crate::bus::BusChoice;
+use crate::cli::EcuChoice;
+use crate::failure::Failure;
+use crate::fault::FaultKind;
+use crate::process;
+use crate::progress::ProgressLine;
+use crate::run_folder::RunFolder;
+
+/// How long the bare machine is measured before the run.
+const FLOOR_TIME: Duration = Duration::from_millis(1500);
+/// How long processes may take to end by themselves once they should.
+const GRACE: Duration = Duration::from_secs(5);
+/// How far ahead of a fault its timer is set \[s\]: more than the time between two progress lines.
+const FAULT_LEAD_S: f64 = 0.5;
+
+/// Runs the plan on the machine's own clock.
+///
+/// # Errors
+/// When the run cannot start.
+pub(super) fn run(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+) -> Result<Outcome, Failure> {
+    let line = ProgressLine::new(plan.scenario.duration_s);
+    line.say("measuring how late this machine wakes a thread by itself");
+    let floor = measure_floor(plan)?;
+    let runtime = tokio::runtime::Builder::new_current_thread()
+        .enable_all()
+        .build()
+        .map_err(|error| Failure::cannot_start(format!("cannot supervise processes: {error}")))?;
+    let outcome = runtime.block_on(supervise(plan, folder, bus, &line));
+    line.clear();
+    outcome.map(|outcome| Outcome {
+        floor: Some(floor),
+        ..outcome
+    })
+}
+
+fn measure_floor(plan: &Plan<'_>) -> Result<Floor, Failure> {
+    let options = FloorOptions {
+        cpus: environment().online_cpus,
+        period_ns: 1_000_000_000 / u64::from(plan.args.run.rate_hz),
+        priority: Some(process::ECU_PRIORITY),
+    };
+    floor::measure(&options, FLOOR_TIME).map_err(Failure::cannot_start)
+}
+
+/// One process of the run.
+struct Member {
+    name: String,
+    /// The truck whose ECU it is; none for the rig.
+    truck: Option<u8>,
+    pid: Pid,
+    running: bool,
+}
+
+/// A process has ended.
+struct Ended {
+    member: usize,
+    status: Option<ExitStatus>,
+}
+
+/// The processes of a run and what is known about them.
+struct Crew {
+    members: Vec<Member>,
+    ended: mpsc::UnboundedReceiver<Ended>,
+    report_end: mpsc::UnboundedSender<Ended>,
+}
+
+impl Crew {
+    fn new() -> Self {
+        let (report_end, ended) = mpsc::unbounded_channel();
+        Self {
+            members: Vec::new(),
+            ended,
+            report_end,
+        }
+    }
+
+    /// Starts a process of this program; its standard output when that is wanted.
+    fn start(
+        &mut self,
+        folder: &RunFolder,
+        (name, truck): (String, Option<u8>),
+        arguments: &[String],
+    ) -> Result<Option<ChildStdout>, Failure> {
+        let failed = |what: &str, error: std::io::Error| {
+            Failure::cannot_start(format!("cannot start {name}: {what}: {error}"))
+        };
+        let program = std::env::current_exe().map_err(|error| failed("this program", error))?;
+        let log = File::create(folder.log(&name)).map_err(|error| failed("its log", error))?;
+        let is_rig = truck.is_none();
+        let mut child = Command::new(program)
+            .args(arguments)
+            .stdin(Stdio::null())
+            .stdout(if is_rig {
+                Stdio::piped()
+            } else {
+                Stdio::null()
+            })
+            .stderr(log)
+            // Ctrl-C is for this process alone; it ends the others in order.
+            .process_group(0)
+            .kill_on_drop(true)
+            .spawn()
+            .map_err(|error| failed("the process", error))?;
+        let pid = child.id().and_then(|id| Pid::from_raw(id as i32));
+        let pid = pid.ok_or_else(|| {
+            Failure::cannot_start(format!("cannot start {name}: it ended at once"))
+        })?;
+        let output = child.stdout.take();
+        let (member, report_end) = (self.members.len(), self.report_end.clone());
+        tokio::spawn(async move {
+            let status = child.wait().await.ok();
+            // Nobody listening means that the run is over.
+            let _ = report_end.send(Ended { member, status });
+        });
+        self.members.push(Member {
+            name,
+            truck,
+            pid,
+            running: true,
+        });
+        Ok(output)
+    }
+
+    fn send(&self, which: impl Fn(&Member) -> bool, what: Signal) {
+        for member in self.members.iter().filter(|m| m.running && which(m)) {
+            // It may have ended this instant.
+            let _ = kill_process(member.pid, what);
+        }
+    }
+
+    fn anyone_left(&self) -> bool {
+        self.members.iter().any(|member| member.running)
+    }
+}
+
+/// Starts everything, follows it to its end, and collects what was left behind.
+async fn supervise(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+    line: &ProgressLine,
+) -> Result<Outcome, Failure> {
+    let mut crew = Crew::new();
+    let cpus = environment().online_cpus;
+    for truck in separate_ecus(plan) {
+        let arguments = ecu_arguments(plan, folder, bus, truck, cpu_of_ecu(&cpus, truck));
+        crew.start(folder, (process::ecu_name(truck), Some(truck)), &arguments)?;
+    }
+    let arguments = rig_arguments(plan, folder, bus, cpus.first().copied());
+    let output = crew.start(folder, (process::rig_name(), None), &arguments)?;
+    let lines = output.map(|output| BufReader::new(output).lines());
+    let mut outcome = Outcome::default();
+    follow(plan, &mut crew, lines, line, &mut outcome).await?;
+    collect(plan, folder, &mut outcome)?;
+    Ok(outcome)
+}
+
+/// Watches until every process has ended.
+async fn follow(
+    plan: &Plan<'_>,
+    crew: &mut Crew,
+    mut lines: Option<Lines<BufReader<ChildStdout>>>,
+    line: &ProgressLine,
+    outcome: &mut Outcome,
+) -> Result<(), Failure> {
+    let listen = |kind| {
+        signal(kind)
+            .map_err(|error| Failure::cannot_start(format!("cannot catch signals: {error}")))
+    };
+    let (mut interrupt, mut terminate) = (
+        listen(SignalKind::interrupt())?,
+        listen(SignalKind::terminate())?,
+    );
+    let mut deadline: Option<Instant> = None;
+    let mut armed = vec![false; plan.args.fault.len()];
+    while crew.anyone_left() {
+        tokio::select! {
+            text = next_line(&mut lines) => match text.as_deref().map(serde_json::from_str) {
+                Some(Ok(ProgressMessage::Preparing(missing))) => {
+                    line.say(&format!("waiting for {missing} ECU(s)"));
+                }
+                Some(Ok(ProgressMessage::Running(time_s))) => {
+                    line.show(time_s, plan.scenario.duration_s);
+                    arm_faults(plan, crew, &mut armed, time_s, outcome);
+                }
+                Some(Err(_)) => (),
+                None => lines = None,
+            },
+            Some(ended) = crew.ended.recv() => {
+                let over = note_end(crew, &ended, outcome);
+                if over && deadline.is_none() {
+                    deadline = Some(Instant::now() + GRACE);
+                }
+            }
+            _ = interrupt.recv() => interrupted(crew, outcome, &mut deadline),
+            _ = terminate.recv() => interrupted(crew, outcome, &mut deadline),
+            () = until(deadline) => {
+                for member in crew.members.iter().filter(|m| m.running) {
+                    outcome.notes.push(format!("{} did not end by itself and was killed", member.name));
+                }
+                crew.send(|_| true, Signal::KILL);
+                deadline = Some(Instant::now() + GRACE);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Asks the rig to end; it tells the ECUs.
+fn interrupted(crew: &Crew, outcome: &mut Outcome, deadline: &mut Option<Instant>) {
+    if !outcome.interrupted {
+        outcome.notes.push("interrupted".into());
+    }
+    outcome.interrupted = true;
+    crew.send(|member| member.truck.is_none(), Signal::TERM);
+    *deadline = Some(Instant::now() + GRACE);
+}
+
+/// Notes that a process has ended; true when that was the rig, so that the run is over.
+fn note_end(crew: &mut Crew, ended: &Ended, outcome: &mut Outcome) -> bool {
+    let member = &mut crew.members[ended.member];
+    member.running = false;
+    let is_rig = member.truck.is_none();
+    let failed = ended.status.is_none_or(|status| status.code().is_none());
+    if failed && !outcome.notes.iter().any(|note| note.contains(&member.name)) {
+        outcome.notes.push(format!("{} was killed", member.name));
+    }
+    if is_rig && failed {
+        crew.send(|_| true, Signal::TERM);
+    }
+    // An ECU paused by a fault could not end otherwise.
+    if is_rig {
+        crew.send(|_| true, Signal::CONT);
+    }
+    is_rig
+}
+
+/// Sets the timers of faults that are close.
+fn arm_faults(
+    plan: &Plan<'_>,
+    crew: &Crew,
+    armed: &mut [bool],
+    time_s: f64,
+    outcome: &mut Outcome,
+) {
+    for (fault, armed) in plan.args.fault.iter().zip(armed) {
+        if *armed || fault.at_s - time_s > FAULT_LEAD_S {
+            continue;
+        }
+        *armed = true;
+        outcome.notes.push(format!("fault injected: {fault}"));
+        let Some(pid) = crew
+            .members
+            .iter()
+            .find(|m| m.truck == Some(fault.truck))
+            .map(|m| m.pid)
+        else {
+            outcome
+                .notes
+                .push(format!("truck {} has no process to break", fault.truck));
+            continue;
+        };
+        let delay = Duration::from_secs_f64((fault.at_s - time_s).max(0.0));
+        let kind = fault.kind;
+        tokio::spawn(async move {
+            sleep(delay).await;
+            match kind {
+                FaultKind::KillEcu => {
+                    let _ = kill_process(pid, Signal::KILL);
+                }
+                FaultKind::PauseEcu { duration_s } => {
+                    let _ = kill_process(pid, Signal::STOP);
+                    sleep(Duration::from_secs_f64(duration_s)).await;
+                    let _ = kill_process(pid, Signal::CONT);
+                }
+            }
+        });
+    }
+}
+
+/// The next line of the rig; never when there is nothing more to come.
+async fn next_line(lines: &mut Option<Lines<BufReader<ChildStdout>>>) -> Option<String> {
+    match lines {
+        Some(lines) => lines.next_line().await.ok().flatten(),
+        None => std::future::pending().await,
+    }
+}
+
+async fn until(deadline: Option<Instant>) {
+    match deadline {
+        Some(deadline) => sleep_until(deadline).await,
+        None => std::future::pending().await,
+    }
+}
+
+/// Reads what the processes left.
+fn collect(plan: &Plan<'_>, folder: &RunFolder, outcome: &mut Outcome) -> Result<(), Failure> {
+    let rig: Option<RigReport> = process::read_json(&folder.process_report(&process::rig_name()));
+    let Some(rig) = rig else {
+        return if outcome.interrupted {
+            Ok(())
+        } else {
+            Err(Failure::cannot_start(last_words(folder, plan)))
+        };
+    };
+    outcome.notes.extend(rig.recording);
+    outcome.results = Some(rig.results);
+    outcome.ecus = rig.hosted;
+    outcome
+        .ecus
+        .extend(separate_ecus(plan).filter_map(|truck| process::ecu_report(folder, truck)));
+    outcome.ecus.sort_by_key(|report| report.truck);
+    Ok(())
+}
+
+/// Why the run did not come about: the first process that said something.
+fn last_words(folder: &RunFolder, plan: &Plan<'_>) -> String {
+    let names = separate_ecus(plan)
+        .map(process::ecu_name)
+        .chain([process::rig_name()]);
+    let mut logs = names.filter_map(|name| {
+        let path = folder.log(&name);
+        let text = std::fs::read_to_string(&path).ok()?;
+        let words = text.lines().rfind(|line| line.starts_with("platoon: "))?;
+        Some(format!("{name}: {}", words.trim_start_matches("platoon: ")))
+    });
+    logs.next().unwrap_or_else(|| {
+        format!(
+            "the rig ended without a word; see {}",
+            folder.log(&process::rig_name()).display()
+        )
+    })
+}
+
+/// Trucks whose ECU is a process of its own.
+fn separate_ecus(plan: &Plan<'_>) -> impl Iterator<Item = u8> + use<> {
+    let (choice, trucks) = (plan.args.ecu, plan.trucks() as u8);
+    (0..trucks).filter(move |&truck| match choice {
+        EcuChoice::All => true,
+        EcuChoice::One(only) => truck == only,
+    })
+}
+
+/// The rig has the first CPU; ECUs take turns on the others, and with it when there are only two.
+fn cpu_of_ecu(cpus: &[usize], truck: u8) -> Option<usize> {
+    let truck = usize::from(truck);
+    match cpus {
+        [] | [_] => None,
+        [first, second] => Some(if truck % 2 == 0 { *second } else { *first }),
+        [_, others @ ..] => Some(others[truck % others.len()]),
+    }
+}
+
+fn ecu_arguments(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+    truck: u8,
+    cpu: Option<usize>,
+) -> Vec<String> {
+    let mut words = vec!["controller".into(), "--truck".into(), truck.to_string()];
+    words.extend(["--law".into(), path_word(&folder.law())]);
+    words.extend(common_arguments(plan, folder, bus, cpu));
+    words
+}
+
+fn rig_arguments(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+    cpu: Option<usize>,
+) -> Vec<String> {
+    let run = &plan.args.run;
+    // The scenario as written has every override in it.
+    let mut words = vec!["bench".into(), path_word(&folder.scenario())];
+    words.extend(["--rate-hz".into(), run.rate_hz.to_string()]);
+    words.extend(["--seed".into(), run.seed.to_string()]);
+    let separate: Vec<u8> = separate_ecus(plan).collect();
+    let hosted = (0..plan.trucks() as u8).filter(|truck| !separate.contains(truck));
+    words.extend(hosted.flat_map(|truck| ["--host".into(), truck.to_string()]));
+    words.extend(common_arguments(plan, folder, bus, cpu));
+    words
+}
+
+fn common_arguments(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+    cpu: Option<usize>,
+) -> Vec<String> {
+    let mut words = bus.as_arguments();
+    words.extend([
+        "--supervised".into(),
+        "--out".into(),
+        path_word(folder.path()),
+    ]);
+    words.extend(["--solver".into(), plan.args.solver.word().into()]);
+    if let Some(reading) = plan.args.delay_reading {
+        words.extend(["--delay-reading".into(), reading.word().into()]);
+    }
+    words.extend(
+        cpu.into_iter()
+            .flat_map(|cpu| ["--cpu".into(), cpu.to_string()]),
+    );
+    words
+}
+
+fn path_word(path: &Path) -> String {
+    path.display().to_string()
+}

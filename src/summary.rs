@@ -1,0 +1,251 @@
+//! What a rehearsal ends with: one value, for programs as JSON and for people as a page of text.
+
+mod page;
+
+use std::collections::BTreeMap;
+
+use bench_sim::{ChannelReport, Criterion, Results, Scenario, TruckResult};
+use controller_rt::{Ending, Report};
+use serde::{Deserialize, Serialize};
+use vcan_setup::floor::Floor;
+
+use crate::bus_load::BusLoad;
+use crate::timing::{Share, TimingVerdict, judge};
+
+/// The summary of one run. Field names are a contract; see the README.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Summary {
+    /// Version of this program.
+    pub version: String,
+    /// Name of the scenario.
+    pub scenario: String,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Rate of the control loop \[Hz\].
+    pub rate_hz: u32,
+    /// QP solver of the motion layer.
+    pub solver: String,
+    /// Whether the behaviour passed.
+    pub verdict: Verdict,
+    /// Whether the deadlines were met, net of the machine's own floor.
+    pub timing_verdict: TimingVerdict,
+    /// The bus.
+    pub bus: BusSummary,
+    /// Bench time covered \[s\].
+    pub duration_s: f64,
+    /// How long the run took \[s\] of real time.
+    pub elapsed_s: f64,
+    /// How each truck did.
+    pub trucks: Vec<TruckResult>,
+    /// How each ECU did; a killed one left no report.
+    pub ecus: Vec<Report>,
+    /// Wake-up lateness of this machine without any controller; none in virtual time.
+    pub machine_floor_us: Option<MachineFloor>,
+    /// The V2V channel, measured from the messages delivered.
+    pub v2v: ChannelReport,
+    /// The scenario's criteria.
+    pub criteria: Vec<Criterion>,
+    /// What happened that was not asked for.
+    pub notes: Vec<String>,
+    /// The machine.
+    pub environment: BTreeMap<String, String>,
+    /// Where everything is.
+    pub files: Files,
+}
+
+/// Pass or fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Every criterion holds.
+    Pass,
+    /// At least one does not, or the run was cut short.
+    Fail,
+}
+
+/// The bus of a run.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct BusSummary {
+    /// socketcan, udp or loopback.
+    pub backend: String,
+    /// Why this one.
+    pub reason: String,
+    /// Each truck's.
+    pub interfaces: Vec<String>,
+    /// Worst-case share of each bus's time at the bit rates of the plan.
+    pub load_percent: Vec<f64>,
+    /// Whether all of it would fit a real bus.
+    pub fits: bool,
+}
+
+/// How late the bare machine wakes a thread \[µs\].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MachineFloor {
+    /// Half of all wake-ups.
+    pub p50: f64,
+    /// 99 % of them.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// All.
+    pub max: f64,
+    /// Share of wake-ups more than half a loop period late.
+    pub late_share: f64,
+}
+
+/// Where a run's files are.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub struct Files {
+    /// The merged trace; absent when it could not be written.
+    pub mcap: Option<String>,
+    /// The summary for people.
+    pub report: Option<String>,
+}
+
+/// Everything a summary is made of.
+pub struct Ingredients<'a> {
+    /// The scenario as run.
+    pub scenario: &'a Scenario,
+    /// Seed.
+    pub seed: u64,
+    /// Loop rate \[Hz\].
+    pub rate_hz: u32,
+    /// Solver's name.
+    pub solver: &'a str,
+    /// The rig's results; none when the rig died.
+    pub results: Option<Results>,
+    /// The ECUs' reports.
+    pub ecus: Vec<Report>,
+    /// The machine's floor and the number of wake-ups it stands on; none in virtual time.
+    pub floor: Option<&'a Floor>,
+    /// Backend, reason and interfaces.
+    pub bus: (String, String, Vec<String>),
+    /// How long the run took \[s\].
+    pub elapsed_s: f64,
+    /// What happened that was not asked for.
+    pub notes: Vec<String>,
+    /// Whether somebody stopped it before its end.
+    pub interrupted: bool,
+    /// Environment, for the record.
+    pub environment: BTreeMap<String, String>,
+}
+
+impl Summary {
+    /// Judges a run.
+    pub fn new(run: Ingredients<'_>) -> Self {
+        let results = run.results.unwrap_or_default();
+        let mut notes = run.notes;
+        let mut criteria = results.criteria;
+        criteria.extend(qp_criterion(run.scenario, &run.ecus));
+        for ecu in &run.ecus {
+            notes.extend(complaints(ecu));
+        }
+        let missing = run.scenario.platoon.trucks.saturating_sub(run.ecus.len());
+        if missing > 0 {
+            notes.push(format!("{missing} ECU(s) ended without a report"));
+        }
+        let complete = !run.interrupted && missing == 0 && !results.trucks.is_empty();
+        let passed = complete && criteria.iter().all(|criterion| criterion.passed);
+        let load = BusLoad::of(run.scenario, run.rate_hz);
+        let (backend, reason, interfaces) = run.bus;
+        let period_ns = 1_000_000_000 / u64::from(run.rate_hz.max(1));
+        Self {
+            version: env!("CARGO_PKG_VERSION").into(),
+            scenario: run.scenario.name.clone(),
+            seed: run.seed,
+            rate_hz: run.rate_hz,
+            solver: run.solver.into(),
+            verdict: if passed { Verdict::Pass } else { Verdict::Fail },
+            timing_verdict: timing(&run.ecus, run.floor, period_ns),
+            bus: BusSummary {
+                backend,
+                reason,
+                interfaces,
+                load_percent: load.percent,
+                fits: load.fits,
+            },
+            duration_s: results.duration_s,
+            elapsed_s: run.elapsed_s,
+            trucks: results.trucks,
+            ecus: run.ecus,
+            machine_floor_us: run.floor.map(|floor| MachineFloor::new(floor, period_ns)),
+            v2v: results.v2v,
+            criteria,
+            notes,
+            environment: run.environment,
+            files: Files::default(),
+        }
+    }
+
+    /// The page for people.
+    pub fn page(&self) -> String {
+        page::page(self)
+    }
+}
+
+impl MachineFloor {
+    fn new(floor: &Floor, period_ns: u64) -> Self {
+        let percentiles = floor.percentiles();
+        let late = late_wakeups(floor, period_ns);
+        Self {
+            p50: percentiles.p50_us,
+            p99: percentiles.p99_us,
+            p999: percentiles.p999_us,
+            max: percentiles.max_us,
+            late_share: late.events as f64 / late.trials.max(1) as f64,
+        }
+    }
+}
+
+/// Wake-ups of the bare machine that would have cost a tick half its period.
+fn late_wakeups(floor: &Floor, period_ns: u64) -> Share {
+    let lateness = floor.lateness_ns();
+    let punctual = lateness.count_between(0, period_ns / 2);
+    Share {
+        events: lateness.len().saturating_sub(punctual),
+        trials: lateness.len(),
+    }
+}
+
+fn timing(ecus: &[Report], floor: Option<&Floor>, period_ns: u64) -> TimingVerdict {
+    let Some(floor) = floor else {
+        return TimingVerdict::Virtual;
+    };
+    let ticks = ecus.iter().fold(Share::default(), |sum, ecu| Share {
+        events: sum.events + ecu.misses + ecu.skipped,
+        trials: sum.trials + ecu.ticks + ecu.skipped,
+    });
+    judge(ticks, late_wakeups(floor, period_ns))
+}
+
+/// The one criterion the rig cannot see.
+fn qp_criterion(scenario: &Scenario, ecus: &[Report]) -> Option<Criterion> {
+    let limit = scenario.criteria.max_qp_failures?;
+    let failures: u64 = ecus.iter().map(|ecu| ecu.qp.failures).sum();
+    Some(Criterion {
+        name: "max_qp_failures".into(),
+        limit: limit.into(),
+        value: Some(failures as f64),
+        passed: failures <= u64::from(limit),
+    })
+}
+
+fn complaints(ecu: &Report) -> Vec<String> {
+    let truck = ecu.truck;
+    let mut notes = Vec::new();
+    match ecu.ending {
+        Ending::MissionEnded => (),
+        Ending::Stopped => notes.push(format!("ECU {truck} was stopped before the end")),
+        Ending::RigSilent => notes.push(format!("ECU {truck} ended because the rig fell silent")),
+    }
+    if ecu.dropped_records > 0 {
+        notes.push(format!(
+            "ECU {truck}: {} records dropped",
+            ecu.dropped_records
+        ));
+    }
+    if let Some(error) = &ecu.recording_error {
+        notes.push(format!("ECU {truck}: recording incomplete: {error}"));
+    }
+    notes
+}

@@ -1,0 +1,280 @@
+//! The summary as a page of text.
+
+use std::fmt::Write;
+
+use anstyle::{AnsiColor, Style};
+use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
+use comfy_table::{CellAlignment, Table};
+use controller_rt::{Percentiles, Report};
+
+use super::{Summary, Verdict};
+use crate::timing::TimingVerdict;
+
+/// Phases of a tick in the order they happen.
+const PHASES: [&str; 8] = [
+    "wake",
+    "drain",
+    "ucl",
+    "lml_build",
+    "qp",
+    "guard",
+    "send",
+    "total",
+];
+const GOOD: Style = AnsiColor::Green.on_default().bold();
+const BAD: Style = AnsiColor::Red.on_default().bold();
+const UNSURE: Style = AnsiColor::Yellow.on_default().bold();
+const HEADING: Style = Style::new().bold();
+
+/// The page, with colours that a terminal understands.
+pub(super) fn page(summary: &Summary) -> String {
+    let mut page = String::new();
+    // Writing to a string cannot fail.
+    let _ = verdict(&mut page, summary);
+    let _ = trucks(&mut page, summary);
+    let _ = criteria(&mut page, summary);
+    let _ = timing(&mut page, summary);
+    let _ = rest(&mut page, summary);
+    page
+}
+
+fn verdict(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let (style, word) = match summary.verdict {
+        Verdict::Pass => (GOOD, "PASS"),
+        Verdict::Fail => (BAD, "FAIL"),
+    };
+    writeln!(
+        page,
+        "\n{style}{word}{style:#}  {}, seed {}, {} Hz, {:.1} s of bench time in {:.1} s",
+        summary.scenario, summary.seed, summary.rate_hz, summary.duration_s, summary.elapsed_s
+    )?;
+    writeln!(
+        page,
+        "bus    {} ({})",
+        summary.bus.backend, summary.bus.reason
+    )?;
+    let most = summary.bus.load_percent.iter().copied().fold(0.0, f64::max);
+    let fits = if summary.bus.fits {
+        "fits"
+    } else {
+        "does not fit"
+    };
+    writeln!(
+        page,
+        "       as CAN FD at 500k/2M bit/s: {most:.0} % of the fullest bus, {fits}"
+    )?;
+    if let (Some(min), Some(max)) = (summary.v2v.delay_min_s, summary.v2v.delay_max_s) {
+        let rate = summary.v2v.max_abs_rate.unwrap_or(0.0);
+        writeln!(
+            page,
+            "V2V    delay {:.0} to {:.0} ms, changing by up to {:.2} s/s; {} delivered, {} lost",
+            1e3 * min,
+            1e3 * max,
+            rate,
+            summary.v2v.delivered,
+            summary.v2v.lost
+        )?;
+    }
+    Ok(())
+}
+
+fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let mut table = new_table(&[
+        "truck",
+        "err leader",
+        "err pred",
+        "settled pos",
+        "settled speed",
+        "clearance",
+        "gap",
+        "steer",
+        "lat acc",
+        "force min",
+        "force max",
+        "lanes",
+        "passed",
+    ]);
+    for truck in &summary.trucks {
+        let passed: Vec<String> = truck
+            .passed_obstacles
+            .iter()
+            .map(usize::to_string)
+            .collect();
+        table.add_row([
+            if truck.index == 0 {
+                "0 leader".into()
+            } else {
+                truck.index.to_string()
+            },
+            format!("{:.2} m", truck.max_abs_leader_error_m),
+            format!("{:.2} m", truck.max_abs_predecessor_error_m),
+            or_never(truck.settled_position_s, |s| format!("{s:.1} s")),
+            or_never(truck.settled_speed_s, |s| format!("{s:.1} s")),
+            or_dash(truck.min_obstacle_clearance_m, |m| format!("{m:.2} m")),
+            or_dash(truck.min_truck_gap_m, |m| format!("{m:.1} m")),
+            format!("{:.3} rad", truck.max_abs_steer_rad),
+            format!("{:.2} m/s²", truck.max_abs_lateral_accel_mps2),
+            format!("{:.1} kN", 1e-3 * truck.min_force_n),
+            format!("{:.1} kN", 1e-3 * truck.max_force_n),
+            truck.lane_crossings.to_string(),
+            if passed.is_empty() {
+                "-".into()
+            } else {
+                passed.join(",")
+            },
+        ]);
+    }
+    section(page, "Trucks (largest errors, least distances)", &table)
+}
+
+fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let failed: Vec<_> = summary.criteria.iter().filter(|c| !c.passed).collect();
+    if failed.is_empty() {
+        return writeln!(
+            page,
+            "\n{GOOD}All {} criteria hold.{GOOD:#}",
+            summary.criteria.len()
+        );
+    }
+    let mut table = new_table(&["criterion that fails", "limit", "value"]);
+    for criterion in failed {
+        table.add_row([
+            criterion.name.clone(),
+            number(criterion.limit),
+            or_never(criterion.value, number),
+        ]);
+    }
+    section(page, "Criteria", &table)
+}
+
+fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let mut table = new_table(&["µs", "p50", "p90", "p99", "p99.9", "max"]);
+    let row = |name: String, p: &Percentiles| {
+        [
+            name,
+            micro(p.p50),
+            micro(p.p90),
+            micro(p.p99),
+            micro(p.p999),
+            micro(p.max),
+        ]
+    };
+    for ecu in &summary.ecus {
+        let phases = PHASES
+            .iter()
+            .filter_map(|phase| Some((phase, ecu.phase_us.get(*phase)?)));
+        for (phase, percentiles) in phases {
+            table.add_row(row(format!("ECU {} {phase}", ecu.truck), percentiles));
+        }
+    }
+    if let Some(floor) = &summary.machine_floor_us {
+        table.add_row([
+            "this machine's floor".into(),
+            micro(floor.p50),
+            "".into(),
+            micro(floor.p99),
+            micro(floor.p999),
+            micro(floor.max),
+        ]);
+    }
+    section(page, "Timing of every tick", &table)?;
+    for ecu in &summary.ecus {
+        writeln!(page, "{}", ecu_line(ecu))?;
+    }
+    let (style, words) = match summary.timing_verdict {
+        TimingVerdict::Pass => (GOOD, "PASS: deadlines met"),
+        TimingVerdict::Fail => (BAD, "FAIL: more late ticks than this machine explains"),
+        TimingVerdict::Inconclusive => (
+            UNSURE,
+            "INCONCLUSIVE: this machine is late by itself, or the run too short",
+        ),
+        TimingVerdict::Virtual => (GOOD, "virtual time has no deadlines"),
+    };
+    writeln!(page, "timing {style}{words}{style:#}")
+}
+
+fn ecu_line(ecu: &Report) -> String {
+    let mut line = format!(
+        "ECU {}: {} ticks, {} late, {} skipped; {} QPs, {} failed, at most {} iterations",
+        ecu.truck,
+        ecu.ticks,
+        ecu.misses,
+        ecu.skipped,
+        ecu.qp.solves,
+        ecu.qp.failures,
+        ecu.qp.iterations_max
+    );
+    let causes: Vec<String> = ecu
+        .miss_causes
+        .iter()
+        .filter(|&(_, &count)| count > 0)
+        .map(|(cause, count)| format!("{cause} {count}"))
+        .collect();
+    if !causes.is_empty() {
+        line += &format!("; late by {}", causes.join(", "));
+    }
+    match &ecu.realtime {
+        Some(rt) if rt.policy.contains("FIFO") || rt.policy.contains("fifo") => line,
+        Some(rt) => line + &format!("; without real-time priority ({})", rt.policy),
+        None => line,
+    }
+}
+
+fn rest(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    if !summary.notes.is_empty() {
+        writeln!(page, "\n{HEADING}Notes{HEADING:#}")?;
+        for note in &summary.notes {
+            writeln!(page, "  {note}")?;
+        }
+    }
+    let files = [
+        ("trace", &summary.files.mcap),
+        ("report", &summary.files.report),
+    ];
+    writeln!(page)?;
+    for (what, path) in files {
+        if let Some(path) = path {
+            writeln!(page, "{what:6} {path}")?;
+        }
+    }
+    Ok(())
+}
+
+fn section(page: &mut String, title: &str, table: &Table) -> std::fmt::Result {
+    writeln!(page, "\n{HEADING}{title}{HEADING:#}\n{table}")
+}
+
+/// A table whose numbers line up on the right.
+fn new_table(header: &[&str]) -> Table {
+    let mut table = Table::new();
+    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
+    for column in table.column_iter_mut().skip(1) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table
+}
+
+fn or_never<T>(value: Option<T>, text: impl Fn(T) -> String) -> String {
+    value.map_or("never".into(), text)
+}
+
+fn or_dash<T>(value: Option<T>, text: impl Fn(T) -> String) -> String {
+    value.map_or("-".into(), text)
+}
+
+fn micro(us: f64) -> String {
+    if us < 100.0 {
+        format!("{us:.1}")
+    } else {
+        format!("{us:.0}")
+    }
+}
+
+/// At most four significant digits, without trailing zeros.
+fn number(x: f64) -> String {
+    let rounded = format!("{x:.3}");
+    rounded
+        .trim_end_matches('0')
+        .trim_end_matches('.')
+        .to_owned()
+}
