@@ -116,6 +116,9 @@ pub struct Recorder {
 impl Recorder {
     /// Creates the file and starts the writer.
     ///
+    /// The writer's thread inherits the caller's scheduling policy and CPUs: start the recorder
+    /// before raising the loop's own priority.
+    ///
     /// # Errors
     /// When the file cannot be created or written, or the thread not started.
     pub fn start(path: &Path, options: RecorderOptions) -> Result<Self, RecorderError> {
