@@ -86,7 +86,7 @@ impl Ecu {
         self.send(&slot, decision.as_ref(), &admitted, laps.last_ns()); // send
         let times = laps.sent();
         let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
-        let miss_cause = self.statistics.count_times(&times, period_ns, slot.skipped);
+        let miss_cause = self.statistics.count_times(&slot, &times, period_ns);
         self.record(&TickFacts {
             slot,
             times,
@@ -220,6 +220,7 @@ impl Ecu {
             phase_us: self.statistics.percentiles(),
             qp: self.statistics.qp(),
             miss_causes: self.statistics.miss_causes(),
+            skip_causes: self.statistics.skip_causes(),
             guard: self.statistics.guard_reasons(),
             received: self.inbox.counts(),
             sent: self.outbox.counts(),

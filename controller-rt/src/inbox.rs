@@ -34,7 +34,7 @@ pub struct InboxCounts {
     pub outdated: u64,
     /// Calls to the bus that failed.
     pub receive_errors: u64,
-    /// Drains that stopped at [`DRAIN_MAX`] with frames possibly left.
+    /// Drains that stopped at the bound of one tick with frames possibly left.
     pub full_drains: u64,
 }
 

@@ -22,6 +22,10 @@ pub struct Slot {
     pub due_ns: u64,
     /// Grid points passed over since the previous slot.
     pub skipped: u32,
+    /// Those of them that were lost asleep: the loop was ready in time and woken too late.
+    pub overslept: u32,
+    /// How late the loop woke when it overslept \[ns\], the worst since the previous slot.
+    pub overslept_ns: u64,
 }
 
 impl Slot {
@@ -34,6 +38,8 @@ impl Slot {
             time_ns,
             due_ns: clock.now_ns(),
             skipped: 0,
+            overslept: 0,
+            overslept_ns: 0,
         }
     }
 }
@@ -45,6 +51,8 @@ pub struct Pacer {
     lock: PhaseLock,
     next: u64,
     skipped: u32,
+    overslept: u32,
+    overslept_ns: u64,
 }
 
 impl Pacer {
@@ -57,6 +65,8 @@ impl Pacer {
             lock,
             next: bench_ns / period_ns,
             skipped: 0,
+            overslept: 0,
+            overslept_ns: 0,
         }
     }
 
@@ -68,19 +78,25 @@ impl Pacer {
         let number = self.next;
         let due_ns = self.due_ns(number);
         clock.sleep_until_ns(due_ns);
-        self.pass_over_late(clock.now_ns());
-        if self.next != number {
+        let woke_ns = clock.now_ns();
+        let lost = self.pass_over_late(woke_ns);
+        if lost > 0 {
+            self.overslept = self.overslept.saturating_add(lost);
+            self.overslept_ns = self.overslept_ns.max(woke_ns - due_ns);
             return None;
         }
-        let skipped = core::mem::take(&mut self.skipped);
         self.next += 1;
-        self.lock.creep(skipped.saturating_add(1), self.period_ns);
-        Some(Slot {
+        let slot = Slot {
             number: u32::try_from(number).unwrap_or(u32::MAX),
             time_ns: number * self.period_ns,
             due_ns,
-            skipped,
-        })
+            skipped: core::mem::take(&mut self.skipped),
+            overslept: core::mem::take(&mut self.overslept),
+            overslept_ns: core::mem::take(&mut self.overslept_ns),
+        };
+        self.lock
+            .creep(slot.skipped.saturating_add(1), self.period_ns);
+        Some(slot)
     }
 
     /// Tells the pacer of an `EgoState`, for tracking the grid.
@@ -94,17 +110,17 @@ impl Pacer {
         middle_ns.saturating_add_signed(self.lock.offset_ns().unwrap_or(0))
     }
 
-    /// Passes over every slot that may no longer start at `now_ns`.
-    fn pass_over_late(&mut self, now_ns: u64) {
+    /// Passes over every slot that may no longer start at `now_ns`; how many.
+    fn pass_over_late(&mut self, now_ns: u64) -> u32 {
         let latest_start_ns = self.due_ns(self.next) + self.period_ns / 2;
         let Some(late_ns) = now_ns.checked_sub(latest_start_ns + 1) else {
-            return;
+            return 0;
         };
         let passed = late_ns / self.period_ns + 1;
         self.next += passed;
-        self.skipped = self
-            .skipped
-            .saturating_add(u32::try_from(passed).unwrap_or(u32::MAX));
+        let passed = u32::try_from(passed).unwrap_or(u32::MAX);
+        self.skipped = self.skipped.saturating_add(passed);
+        passed
     }
 }
 
@@ -205,7 +221,7 @@ mod tests {
         next(&mut pacer, &clock);
         clock.advance(PERIOD_NS + PERIOD_NS / 2 + 1);
         let slot = next(&mut pacer, &clock);
-        assert_eq!((slot.number, slot.skipped), (2, 1));
+        assert_eq!((slot.number, slot.skipped, slot.overslept), (2, 1, 0));
         assert_eq!(clock.now_ns(), slot.due_ns, "it waited for the grid point");
     }
 
@@ -239,8 +255,10 @@ mod tests {
         clock.oversleep_ns.set(2 * PERIOD_NS + 600_000);
         assert_eq!(pacer.wait(&clock), None);
         let slot = next(&mut pacer, &clock);
-        assert_eq!((slot.number, slot.skipped), (4, 3));
+        assert_eq!((slot.number, slot.skipped, slot.overslept), (4, 3, 3));
+        assert_eq!(slot.overslept_ns, 2_600_000);
         assert_eq!(slot.time_ns, 4 * PERIOD_NS);
+        assert_eq!(next(&mut pacer, &clock).overslept_ns, 0, "told once");
     }
 
     #[test]

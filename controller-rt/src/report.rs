@@ -34,6 +34,8 @@ pub struct Report {
     pub qp: QpTotals,
     /// Misses by the phase that took longest.
     pub miss_causes: BTreeMap<String, u64>,
+    /// Skipped slots: `wake` when the loop slept through them, `overrun` when it was still busy.
+    pub skip_causes: BTreeMap<String, u64>,
     /// Commands the guard changed, by its reason.
     pub guard: BTreeMap<String, u64>,
     /// Frames received, by what became of them.

@@ -2,7 +2,8 @@
 //!
 //! A tick *misses* when its last frame was handed to the bus after the end of its period, one
 //! period after it was due. A slot is *skipped* when it could not start within half a period; it
-//! is not counted as missed besides. Histograms have a fixed range, so counting never allocates; what
+//! is not counted as missed besides. The wake-up that lost it is in the histogram of `wake` though,
+//! or the worst ones would be missing from it. Histograms have a fixed range, so counting never allocates; what
 //! exceeds the range is counted at its end and `max` is exact.
 
 use std::collections::BTreeMap;
@@ -13,6 +14,7 @@ use traces::MissCause;
 
 use crate::guard::Reason;
 use crate::laps::PhaseTimes;
+use crate::pacer::Slot;
 use crate::report::{Percentiles, QpTotals};
 
 /// Longest time a histogram tells apart \[ns\].
@@ -20,6 +22,8 @@ const RANGE_NS: u64 = 10_000_000_000;
 /// Significant decimal digits of a histogram.
 const DIGITS: u8 = 3;
 const PHASES: usize = 8;
+/// Place of the wake-up among the phases.
+const WAKE: usize = 0;
 const CAUSES: [(MissCause, &str); 7] = [
     (MissCause::Wake, "wake"),
     (MissCause::Drain, "drain"),
@@ -37,6 +41,7 @@ pub struct Statistics {
     ticks: u64,
     misses: u64,
     skipped: u64,
+    overslept: u64,
     causes: [u64; CAUSES.len()],
     guard: [u64; Reason::ALL.len()],
     qp: QpTotals,
@@ -68,6 +73,7 @@ impl Statistics {
             ticks: 0,
             misses: 0,
             skipped: 0,
+            overslept: 0,
             causes: [0; CAUSES.len()],
             guard: [0; Reason::ALL.len()],
             qp: QpTotals::default(),
@@ -99,13 +105,16 @@ impl Statistics {
     }
 
     /// Counts one tick's times; what made it miss, `None` when it did not.
-    pub fn count_times(&mut self, times: &PhaseTimes, period_ns: u64, skipped: u32) -> MissCause {
+    pub fn count_times(&mut self, slot: &Slot, times: &PhaseTimes, period_ns: u64) -> MissCause {
         self.ticks += 1;
-        self.skipped += u64::from(skipped);
+        self.skipped += u64::from(slot.skipped);
+        self.overslept += u64::from(slot.overslept);
+        if slot.overslept > 0 {
+            self.phases[WAKE].count(slot.overslept_ns);
+        }
         for (phase, (_, took_ns)) in self.phases.iter_mut().zip(times.named()) {
             if let Some(took_ns) = took_ns {
-                phase.histogram.saturating_record(took_ns);
-                phase.max_ns = phase.max_ns.max(took_ns);
+                phase.count(took_ns);
             }
         }
         if times.total_ns <= period_ns {
@@ -150,6 +159,14 @@ impl Statistics {
         occurred(CAUSES.iter().map(|(_, name)| *name).zip(self.causes))
     }
 
+    /// Skipped slots by cause, those that occurred: `wake` when the loop slept through them,
+    /// `overrun` when it was still busy with an earlier one.
+    #[must_use]
+    pub fn skip_causes(&self) -> BTreeMap<String, u64> {
+        let overrun = self.skipped - self.overslept;
+        occurred([("wake", self.overslept), ("overrun", overrun)].into_iter())
+    }
+
     /// Guard interventions by reason, those that occurred.
     #[must_use]
     pub fn guard_reasons(&self) -> BTreeMap<String, u64> {
@@ -159,6 +176,11 @@ impl Statistics {
 }
 
 impl Phase {
+    fn count(&mut self, took_ns: u64) {
+        self.histogram.saturating_record(took_ns);
+        self.max_ns = self.max_ns.max(took_ns);
+    }
+
     fn percentiles(&self) -> Percentiles {
         let us = |quantile: f64| {
             self.histogram.value_at_quantile(quantile).min(self.max_ns) as f64 / 1000.0
@@ -198,6 +220,15 @@ mod tests {
 
     const PERIOD_NS: u64 = 1_000_000;
 
+    const SLOT: Slot = Slot {
+        number: 0,
+        time_ns: 0,
+        due_ns: 0,
+        skipped: 0,
+        overslept: 0,
+        overslept_ns: 0,
+    };
+
     fn times(wake_ns: u64, qp_ns: u64) -> PhaseTimes {
         PhaseTimes {
             wake_ns,
@@ -213,20 +244,23 @@ mod tests {
         let mut statistics = Statistics::new();
         let on_time = times(0, PERIOD_NS - 10);
         assert_eq!(
-            statistics.count_times(&on_time, PERIOD_NS, 0),
+            statistics.count_times(&SLOT, &on_time, PERIOD_NS),
             MissCause::None
         );
         let late = times(0, PERIOD_NS - 9);
-        assert_eq!(statistics.count_times(&late, PERIOD_NS, 0), MissCause::Qp);
+        assert_eq!(
+            statistics.count_times(&SLOT, &late, PERIOD_NS),
+            MissCause::Qp
+        );
         assert_eq!((statistics.ticks(), statistics.misses()), (2, 1));
     }
 
     #[test]
     fn a_miss_is_blamed_on_the_phase_that_took_longest() {
         let mut statistics = Statistics::new();
-        statistics.count_times(&times(900_000, 200_000), PERIOD_NS, 0);
-        statistics.count_times(&times(200_000, 900_000), PERIOD_NS, 0);
-        statistics.count_times(&times(100_000, 900_001), PERIOD_NS, 0);
+        statistics.count_times(&SLOT, &times(900_000, 200_000), PERIOD_NS);
+        statistics.count_times(&SLOT, &times(200_000, 900_000), PERIOD_NS);
+        statistics.count_times(&SLOT, &times(100_000, 900_001), PERIOD_NS);
         let expected = [("qp".to_owned(), 2), ("wake".to_owned(), 1)];
         assert_eq!(statistics.miss_causes(), BTreeMap::from(expected));
     }
@@ -235,9 +269,9 @@ mod tests {
     fn percentiles_are_exact_to_three_digits_and_the_maximum_fully() {
         let mut statistics = Statistics::new();
         for n in 1..=1000 {
-            statistics.count_times(&times(n * 1000, 0), u64::MAX, 0);
+            statistics.count_times(&SLOT, &times(n * 1000, 0), u64::MAX);
         }
-        statistics.count_times(&times(123_456_789_012, 0), u64::MAX, 0);
+        statistics.count_times(&SLOT, &times(123_456_789_012, 0), u64::MAX);
         let wake = statistics.percentiles()["wake"];
         assert!((wake.p50 - 501.0).abs() < 1.0, "{wake:?}");
         assert!((wake.p99 - 991.0).abs() < 1.5, "{wake:?}");
@@ -249,9 +283,15 @@ mod tests {
     }
 
     #[test]
-    fn skipped_slots_are_counted_apart_from_misses() {
+    fn skipped_slots_are_counted_by_cause_and_apart_from_misses() {
         let mut statistics = Statistics::new();
-        statistics.count_times(&times(0, 1), PERIOD_NS, 7);
+        let slot = Slot {
+            skipped: 7,
+            overslept: 4,
+            overslept_ns: 4_200_000,
+            ..SLOT
+        };
+        statistics.count_times(&slot, &times(0, 1), PERIOD_NS);
         assert_eq!(
             (
                 statistics.ticks(),
@@ -260,5 +300,21 @@ mod tests {
             ),
             (1, 0, 7)
         );
+        let expected = [("overrun".to_owned(), 3), ("wake".to_owned(), 4)];
+        assert_eq!(statistics.skip_causes(), BTreeMap::from(expected));
+    }
+
+    #[test]
+    fn the_wake_up_that_lost_a_slot_is_not_missing_from_the_distribution() {
+        let mut statistics = Statistics::new();
+        let slot = Slot {
+            skipped: 4,
+            overslept: 4,
+            overslept_ns: 4_200_000,
+            ..SLOT
+        };
+        statistics.count_times(&slot, &times(100_000, 1), PERIOD_NS);
+        assert_eq!(statistics.percentiles()["wake"].max, 4_200.0);
+        assert!(statistics.percentiles()["total"].max < 200.0);
     }
 }
