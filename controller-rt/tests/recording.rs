@@ -163,7 +163,7 @@ fn every_tick_is_recorded_with_the_frames_it_consumed() {
         .count();
     assert_eq!(
         consumed,
-        21 + 2,
+        21 + 3,
         "21 states, V2V at 10.1 and 10.12 s, and an obstacle at 10.1 s"
     );
     let snapshots = recorded
