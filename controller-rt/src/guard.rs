@@ -23,8 +23,8 @@ pub const FORCE_RATE_NPS: f64 = 62_000.0;
 pub const STEERING_MAX_RAD: f64 = 0.18;
 /// Fastest change of steering \[rad/s\]; the law plans with 0.30.
 pub const STEERING_RATE_RADPS: f64 = 0.33;
-/// Largest lateral acceleration a steering angle may lead to \[m/s²\]: the static rollover threshold
-/// of a loaded truck, about 0.4 g (Winkler and Ervin, UMTRI-99-19). The law plans with 3.
+/// Largest lateral acceleration a steering angle may lead to \[m/s²\]: about 0.4 g, the static
+/// rollover threshold of a loaded truck (Winkler and Ervin, UMTRI-99-19). The law plans with 3.
 pub const LATERAL_ACCEL_MAX_MPS2: f64 = 4.0;
 /// Wheelbase \[m\]: the paper's l_f + l_r.
 const WHEELBASE_M: f64 = 5.0;

@@ -1,4 +1,4 @@
-//! What the ECU leaves behind: the frames each tick consumed, the tick, and snapshots to start from.
+//! What the ECU leaves behind: the frames each tick consumed, the tick, snapshots to start from.
 //!
 //! Records go into the recorder's ring, which drops and counts when it is full and never makes the
 //! loop wait. Every [`SNAPSHOT_PERIOD_NS`], and once there is room again after a drop, everything
