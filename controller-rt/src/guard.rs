@@ -288,7 +288,7 @@ impl Guard {
 /// ```text
 /// a_y = u² δ / (L + K u²)      steady-state cornering with understeer gradient K
 /// ```
-/// (Rajamani, *Vehicle Dynamics and Control*, section 3.3).
+/// (Rajamani, *Vehicle Dynamics and Control*, chapter 3).
 #[must_use]
 pub fn steering_bound_rad(forward_mps: f64) -> f64 {
     let u2 = (forward_mps * forward_mps).max(1.0);
