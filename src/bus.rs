@@ -50,8 +50,11 @@ impl BusChoice {
             BusKind::Auto if place.port.is_some() => {
                 Self::udp(place, "a UDP port was named".into())
             }
+            BusKind::Auto if !can::kernel_support().is_available() => {
+                Self::udp(place, "this kernel has no CAN".into())
+            }
             BusKind::Auto => Self::socketcan(place, trucks, "the kernel has CAN".into())
-                .or_else(|why_not| Self::udp(place, format!("no kernel CAN here ({why_not})"))),
+                .or_else(|why_not| Self::udp(place, format!("kernel CAN is not to be had: {why_not}"))),
         }
     }
 

@@ -1,7 +1,6 @@
 //! Showing how far a run is, without getting in its way.
 
 use std::io::IsTerminal;
-use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -40,11 +39,6 @@ impl ProgressLine {
         self.bar.set_position((time_s * STEPS_PER_S) as u64);
         self.bar
             .set_message(format!("{time_s:6.1} of {duration_s:.0} s"));
-    }
-
-    /// Keeps the line alive while nothing is reported.
-    pub fn keep_alive(&self) {
-        self.bar.enable_steady_tick(Duration::from_millis(500));
     }
 
     /// Takes the line away.

@@ -3,13 +3,14 @@
 use std::fmt::Write;
 
 use anstyle::{AnsiColor, Style};
-use comfy_table::presets::UTF8_HORIZONTAL_ONLY;
 use comfy_table::{CellAlignment, Table};
 use controller_rt::{Percentiles, Report};
 
 use super::{Summary, Verdict};
 use crate::timing::TimingVerdict;
 
+/// A line under the header and nothing else.
+const RULED: &str = "     ──            ";
 /// Phases of a tick in the order they happen.
 const PHASES: [&str; 8] = [
     "wake",
@@ -150,60 +151,65 @@ fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
 fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
     let mut table = new_table(&["µs", "p50", "p90", "p99", "p99.9", "max"]);
     let row = |name: String, p: &Percentiles| {
-        [
-            name,
-            micro(p.p50),
-            micro(p.p90),
-            micro(p.p99),
-            micro(p.p999),
-            micro(p.max),
-        ]
+        [name, micro(p.p50), micro(p.p90), micro(p.p99), micro(p.p999), micro(p.max)]
     };
     for ecu in &summary.ecus {
-        let phases = PHASES
-            .iter()
-            .filter_map(|phase| Some((phase, ecu.phase_us.get(*phase)?)));
-        for (phase, percentiles) in phases {
-            table.add_row(row(format!("ECU {} {phase}", ecu.truck), percentiles));
+        if let Some(total) = ecu.phase_us.get("total") {
+            table.add_row(row(format!("ECU {} whole tick", ecu.truck), total));
+        }
+    }
+    if let Some(slowest) = slowest(&summary.ecus) {
+        for phase in PHASES {
+            if let Some(percentiles) = slowest.phase_us.get(phase) {
+                table.add_row(row(format!("  ECU {} {phase}", slowest.truck), percentiles));
+            }
         }
     }
     if let Some(floor) = &summary.machine_floor_us {
         table.add_row([
-            "this machine's floor".into(),
+            "wake-up of this machine alone".into(),
             micro(floor.p50),
-            "".into(),
+            String::new(),
             micro(floor.p99),
             micro(floor.p999),
             micro(floor.max),
         ]);
     }
-    section(page, "Timing of every tick", &table)?;
+    section(page, "Timing of every tick, phases of the slowest ECU", &table)?;
+    let is_virtual = summary.timing_verdict == TimingVerdict::Virtual;
     for ecu in &summary.ecus {
-        writeln!(page, "{}", ecu_line(ecu))?;
+        writeln!(page, "{}", ecu_line(ecu, is_virtual))?;
     }
     let (style, words) = match summary.timing_verdict {
         TimingVerdict::Pass => (GOOD, "PASS: deadlines met"),
         TimingVerdict::Fail => (BAD, "FAIL: more late ticks than this machine explains"),
-        TimingVerdict::Inconclusive => (
-            UNSURE,
-            "INCONCLUSIVE: this machine is late by itself, or the run too short",
-        ),
-        TimingVerdict::Virtual => (GOOD, "virtual time has no deadlines"),
+        TimingVerdict::Inconclusive => {
+            (UNSURE, "INCONCLUSIVE: this machine is late by itself, or the run too short")
+        }
+        TimingVerdict::Virtual => (GOOD, "virtual time, no deadlines"),
     };
     writeln!(page, "timing {style}{words}{style:#}")
 }
 
-fn ecu_line(ecu: &Report) -> String {
-    let mut line = format!(
-        "ECU {}: {} ticks, {} late, {} skipped; {} QPs, {} failed, at most {} iterations",
-        ecu.truck,
-        ecu.ticks,
-        ecu.misses,
-        ecu.skipped,
-        ecu.qp.solves,
-        ecu.qp.failures,
-        ecu.qp.iterations_max
+/// The ECU whose median tick is longest.
+fn slowest(ecus: &[Report]) -> Option<&Report> {
+    let median = |ecu: &Report| ecu.phase_us.get("total").map_or(0.0, |total| total.p50);
+    ecus.iter().max_by(|a, b| median(a).total_cmp(&median(b)))
+}
+
+fn ecu_line(ecu: &Report, is_virtual: bool) -> String {
+    let mut line = format!("ECU {}: {} ticks", ecu.truck, ecu.ticks);
+    if !is_virtual {
+        line += &format!(", {} late, {} skipped", ecu.misses, ecu.skipped);
+    }
+    let qp = &ecu.qp;
+    line += &format!(
+        "; {} QPs, {} failed, at most {} iterations",
+        qp.solves, qp.failures, qp.iterations_max
     );
+    if is_virtual {
+        return line;
+    }
     let causes: Vec<String> = ecu
         .miss_causes
         .iter()
@@ -247,7 +253,7 @@ fn section(page: &mut String, title: &str, table: &Table) -> std::fmt::Result {
 /// A table whose numbers line up on the right.
 fn new_table(header: &[&str]) -> Table {
     let mut table = Table::new();
-    table.load_preset(UTF8_HORIZONTAL_ONLY).set_header(header);
+    table.load_preset(RULED).set_header(header);
     for column in table.column_iter_mut().skip(1) {
         column.set_cell_alignment(CellAlignment::Right);
     }
