@@ -59,15 +59,9 @@ pub fn load_scenario(
     run: &RunArgs,
     v2v_delay: Option<V2vDelay>,
 ) -> Result<Scenario, Failure> {
-    let mut sets: Vec<(String, String)> = v2v_delay
-        .map(V2vDelay::as_sets)
-        .into_iter()
-        .flatten()
-        .collect();
-    sets.extend(
-        run.duration_s
-            .map(|s| ("duration_s".to_owned(), format!("{s:?}"))),
-    );
+    let mut sets: Vec<(String, String)> =
+        v2v_delay.map(V2vDelay::as_sets).into_iter().flatten().collect();
+    sets.extend(run.duration_s.map(|s| ("duration_s".to_owned(), format!("{s:?}"))));
     sets.extend(run.set.iter().cloned());
     Scenario::load(name, &sets).map_err(Failure::usage)
 }
@@ -106,14 +100,8 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
         invite_people(&bus, &names, &args.host);
     }
     let recorder = process::recorder(&folder, Source::Rig, Overflow::DropNewest, names)?;
-    let rig = Rig::new(
-        &scenario,
-        args.run.seed,
-        args.run.rate_hz,
-        ends,
-        Some(recorder),
-    )
-    .map_err(Failure::usage)?;
+    let rig = Rig::new(&scenario, args.run.seed, args.run.rate_hz, ends, Some(recorder))
+        .map_err(Failure::usage)?;
     let report = drive(rig, args, hosted, &stop)?;
     process::write_json(&folder.process_report(&process::rig_name()), &report)?;
     let passed = report.pace.end == RunEnd::Finished && report.results.passed();
@@ -130,23 +118,15 @@ fn drive(
     let clock = HostClock::default();
     let obtained = process::become_realtime(process::RIG_PRIORITY, args.cpu);
     let wall_minus_clock_ns = Some(wall_ns().wrapping_sub(clock.now_ns()));
-    let options = RunOptions {
-        wall_minus_clock_ns,
-        ..RunOptions::new(&clock, stop)
-    };
+    let options = RunOptions { wall_minus_clock_ns, ..RunOptions::new(&clock, stop) };
     let line = ProgressLine::new(rig.scenario().duration_s);
-    let pace = rig::run(&mut rig, &options, &mut |progress| {
-        show(progress, args.supervised, &line)
-    });
+    let pace = rig::run(&mut rig, &options, &mut |progress| show(progress, args.supervised, &line));
     line.clear();
     if pace.is_err() {
         // The hosted ECUs must end too, whatever they were waiting for.
         stop.store(true, std::sync::atomic::Ordering::Relaxed);
     }
-    let hosted = hosted
-        .into_iter()
-        .filter_map(|ecu| ecu.join().ok())
-        .collect();
+    let hosted = hosted.into_iter().filter_map(|ecu| ecu.join().ok()).collect();
     let recording = rig.take_recorder().and_then(recording_loss);
     Ok(RigReport {
         results: rig.results(),
@@ -162,9 +142,7 @@ pub fn recording_loss(recorder: Recorder) -> Option<String> {
     let finished = recorder.finish();
     let missing = finished.dropped.total() + finished.lost;
     (missing > 0).then(|| {
-        let reason = finished
-            .error
-            .unwrap_or_else(|| "the writer was too slow".into());
+        let reason = finished.error.unwrap_or_else(|| "the writer was too slow".into());
         format!("{missing} records did not reach the trace: {reason}")
     })
 }
@@ -186,11 +164,7 @@ fn host(
     let run = move || {
         let obtained = process::become_realtime(process::ECU_PRIORITY, None);
         let realtime = Some(process::as_reported(&obtained));
-        let config = Config {
-            truck,
-            gain_id: 0,
-            realtime,
-        };
+        let config = Config { truck, gain_id: 0, realtime };
         let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
         controller_rt::run(ecu, &HostClock::default(), &stop)
     };
@@ -207,12 +181,7 @@ fn show(progress: &Progress, supervised: bool, line: &ProgressLine) {
         (false, Progress::Preparing { missing }) => {
             line.say(&format!("waiting for {missing} ECU(s)"));
         }
-        (
-            false,
-            Progress::Running {
-                time_s, duration_s, ..
-            },
-        ) => line.show(time_s, duration_s),
+        (false, Progress::Running { time_s, duration_s, .. }) => line.show(time_s, duration_s),
     }
 }
 
@@ -229,11 +198,7 @@ fn tell(message: ProgressMessage) {
 fn invite_people(bus: &BusChoice, names: &[String], hosted: &[u8]) {
     anstream::eprintln!("rig on {} ({}); start the ECUs:", bus.backend(), bus.reason);
     let arguments = bus.as_arguments().join(" ");
-    for (truck, _) in names
-        .iter()
-        .enumerate()
-        .filter(|(t, _)| !hosted.contains(&(*t as u8)))
-    {
+    for (truck, _) in names.iter().enumerate().filter(|(t, _)| !hosted.contains(&(*t as u8))) {
         anstream::eprintln!("  platoon controller --truck {truck} {arguments}");
     }
 }

@@ -53,8 +53,11 @@ impl BusChoice {
             BusKind::Auto if !can::kernel_support().is_available() => {
                 Self::udp(place, "this kernel has no CAN".into())
             }
-            BusKind::Auto => Self::socketcan(place, trucks, "the kernel has CAN".into())
-                .or_else(|why_not| Self::udp(place, format!("kernel CAN is not to be had: {why_not}"))),
+            BusKind::Auto => {
+                Self::socketcan(place, trucks, "the kernel has CAN".into()).or_else(|why_not| {
+                    Self::udp(place, format!("kernel CAN is not to be had: {why_not}"))
+                })
+            }
         }
     }
 
@@ -73,28 +76,15 @@ impl BusChoice {
                     "--bus loopback lives inside one process; use `platoon rehearse --virtual-time`",
                 ));
             }
-            _ if udp => Chosen::Udp {
-                port: place.port.unwrap_or(Udp::FIRST_PORT),
-                _lease: None,
-            },
-            _ => Chosen::SocketCan {
-                interfaces: place.interfaces.clone(),
-            },
+            _ if udp => Chosen::Udp { port: place.port.unwrap_or(Udp::FIRST_PORT), _lease: None },
+            _ => Chosen::SocketCan { interfaces: place.interfaces.clone() },
         };
-        Ok(Self {
-            kind,
-            reason: "joining a run".into(),
-            made: Vec::new(),
-        })
+        Ok(Self { kind, reason: "joining a run".into(), made: Vec::new() })
     }
 
     /// In memory, for virtual time.
     pub fn loopback() -> Self {
-        Self {
-            kind: Chosen::Loopback,
-            reason: "virtual time".into(),
-            made: Vec::new(),
-        }
+        Self { kind: Chosen::Loopback, reason: "virtual time".into(), made: Vec::new() }
     }
 
     fn udp(place: &BusPlace, reason: String) -> Result<Self, Failure> {
@@ -107,10 +97,7 @@ impl BusChoice {
                  out to take the next free one (now {port})"
             ))),
             _ => Ok(Self {
-                kind: Chosen::Udp {
-                    port,
-                    _lease: Some(lease),
-                },
+                kind: Chosen::Udp { port, _lease: Some(lease) },
                 reason,
                 made: Vec::new(),
             }),
@@ -122,20 +109,12 @@ impl BusChoice {
             let names: Vec<String> = (0..trucks).map(|i| format!("truck{i}")).collect();
             let words: Vec<&str> = names.iter().map(String::as_str).collect();
             let done = can::ensure_vcan(&words).map_err(Failure::cannot_start)?;
-            let chosen = Self {
-                kind: Chosen::SocketCan { interfaces: names },
-                reason,
-                made: done.created,
-            };
+            let chosen =
+                Self { kind: Chosen::SocketCan { interfaces: names }, reason, made: done.created };
             return chosen.checked(place);
         }
         let interfaces = named_interfaces(place, trucks)?;
-        Self {
-            kind: Chosen::SocketCan { interfaces },
-            reason,
-            made: Vec::new(),
-        }
-        .checked(place)
+        Self { kind: Chosen::SocketCan { interfaces }, reason, made: Vec::new() }.checked(place)
     }
 
     /// Refuses physical interfaces that are not armed, and interfaces others use already.
@@ -188,20 +167,12 @@ impl BusChoice {
     pub fn as_arguments(&self) -> Vec<String> {
         let words: Vec<String> = match &self.kind {
             Chosen::SocketCan { interfaces } => {
-                vec![
-                    "--interfaces".into(),
-                    interfaces.join(","),
-                    "--share".into(),
-                    "--arm".into(),
-                ]
+                vec!["--interfaces".into(), interfaces.join(","), "--share".into(), "--arm".into()]
             }
             Chosen::Udp { port, .. } => vec!["--port".into(), port.to_string()],
             Chosen::Loopback => Vec::new(),
         };
-        ["--bus".to_owned(), self.backend().to_owned()]
-            .into_iter()
-            .chain(words)
-            .collect()
+        ["--bus".to_owned(), self.backend().to_owned()].into_iter().chain(words).collect()
     }
 
     /// Opens one end of a truck's bus.
@@ -227,17 +198,11 @@ impl BusChoice {
             Chosen::Udp { port, .. } => {
                 let tag = format!("truck{truck}");
                 let group = Udp::group_of_bus(truck);
-                Udp::join(UdpOptions {
-                    group,
-                    port: *port,
-                    tag: &tag,
-                })
-                .map(|bus| Box::new(bus) as _)
+                Udp::join(UdpOptions { group, port: *port, tag: &tag })
+                    .map(|bus| Box::new(bus) as _)
             }
             Chosen::Loopback => {
-                return Err(Failure::usage(
-                    "the loopback bus has no end outside its process",
-                ));
+                return Err(Failure::usage("the loopback bus has no end outside its process"));
             }
         };
         opened.map_err(Failure::cannot_start)

@@ -35,10 +35,7 @@ impl BusLoad {
                     (Actuation::LENGTH, loop_hz),
                     (V2vState::LENGTH, heard * v2v_hz),
                     (V2vOut::LENGTH, v2v_hz),
-                    (
-                        Obstacle::LENGTH,
-                        (seen + ahead) * per_second(Obstacle::CYCLE_TIME_MS),
-                    ),
+                    (Obstacle::LENGTH, (seen + ahead) * per_second(Obstacle::CYCLE_TIME_MS)),
                     (Mission::LENGTH, per_second(Mission::CYCLE_TIME_MS)),
                     (EcuStatus::LENGTH, per_second(EcuStatus::CYCLE_TIME_MS)),
                 ];
@@ -64,10 +61,7 @@ mod tests {
     fn the_plan_fits_at_1_khz_and_not_at_2_khz() {
         let scenario = Scenario::load("obstacle-avoidance", &[]).expect("built in");
         let load = BusLoad::of(&scenario, 1000);
-        assert!(
-            load.fits && load.percent.iter().all(|p| (50.0..70.0).contains(p)),
-            "{load:?}"
-        );
+        assert!(load.fits && load.percent.iter().all(|p| (50.0..70.0).contains(p)), "{load:?}");
         assert!(!BusLoad::of(&scenario, 2000).fits);
     }
 }

@@ -20,9 +20,9 @@ pub fn from_table(source: &str, table: &toml::Table) -> Result<Calibration, Fail
         Failure::usage(format!("{source}: law: {reason}"))
     })?;
     match calibration.defect() {
-        Some((key, allowed)) => Err(Failure::usage(format!(
-            "{source}: law.{key} is impossible: allowed is {allowed}"
-        ))),
+        Some((key, allowed)) => {
+            Err(Failure::usage(format!("{source}: law.{key} is impossible: allowed is {allowed}")))
+        }
         None => Ok(calibration),
     }
 }
@@ -40,10 +40,7 @@ pub fn from_file(path: Option<&Path>) -> Result<Calibration, Failure> {
         Failure::cannot_start(format!("--law {source}: {error}; name a TOML file"))
     })?;
     let table = text.parse().map_err(|error: toml::de::Error| {
-        Failure::usage(format!(
-            "--law {source}: {}",
-            error.message().replace('\n', " ")
-        ))
+        Failure::usage(format!("--law {source}: {}", error.message().replace('\n', " ")))
     })?;
     from_table(&source, &table)
 }
@@ -59,9 +56,8 @@ pub fn controller(
     }
     match solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
-        SolverKind::Clarabel => Box::new(LawController::new(Law::new(
-            calibration,
-            Clarabel::default(),
-        ))),
+        SolverKind::Clarabel => {
+            Box::new(LawController::new(Law::new(calibration, Clarabel::default())))
+        }
     }
 }

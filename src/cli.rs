@@ -286,11 +286,8 @@ pub struct V2vDelay {
 impl V2vDelay {
     /// The scenario overrides that say the same.
     pub fn as_sets(self) -> [(String, String); 2] {
-        [
-            ("v2v.delay_min_s", self.min_s),
-            ("v2v.delay_max_s", self.max_s),
-        ]
-        .map(|(key, value)| (key.to_owned(), format!("{value:?}")))
+        [("v2v.delay_min_s", self.min_s), ("v2v.delay_max_s", self.max_s)]
+            .map(|(key, value)| (key.to_owned(), format!("{value:?}")))
     }
 }
 
@@ -307,23 +304,15 @@ fn parse_ecu(text: &str) -> Result<EcuChoice, String> {
 fn parse_delay(text: &str) -> Result<V2vDelay, String> {
     const FORM: &str = "give LO-HI in milliseconds, such as 15-150, or none";
     if text == "none" {
-        return Ok(V2vDelay {
-            min_s: 0.0,
-            max_s: 0.0,
-        });
+        return Ok(V2vDelay { min_s: 0.0, max_s: 0.0 });
     }
     let (low, high) = text.split_once('-').ok_or(FORM)?;
-    let number = |part: &str| {
-        part.trim()
-            .parse::<f64>()
-            .ok()
-            .filter(|x| x.is_finite() && *x >= 0.0)
-    };
+    let number =
+        |part: &str| part.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
     match (number(low), number(high)) {
-        (Some(low), Some(high)) if low <= high => Ok(V2vDelay {
-            min_s: 1e-3 * low,
-            max_s: 1e-3 * high,
-        }),
+        (Some(low), Some(high)) if low <= high => {
+            Ok(V2vDelay { min_s: 1e-3 * low, max_s: 1e-3 * high })
+        }
         (Some(_), Some(_)) => Err(format!("the lower delay is above the upper; {FORM}")),
         _ => Err(FORM.to_owned()),
     }
@@ -360,13 +349,7 @@ mod tests {
     fn delays_are_read_in_milliseconds_and_nonsense_is_refused() {
         let delay = parse_delay("15-150").expect("well formed");
         assert!((delay.min_s - 0.015).abs() < 1e-12 && (delay.max_s - 0.15).abs() < 1e-12);
-        assert_eq!(
-            parse_delay("none"),
-            Ok(V2vDelay {
-                min_s: 0.0,
-                max_s: 0.0
-            })
-        );
+        assert_eq!(parse_delay("none"), Ok(V2vDelay { min_s: 0.0, max_s: 0.0 }));
         for nonsense in ["", "15", "150-15", "a-b", "-5-10", "NaN-1", "1-inf"] {
             assert!(parse_delay(nonsense).is_err(), "{nonsense}");
         }

@@ -22,18 +22,12 @@ pub struct Failure {
 impl Failure {
     /// The user asked for something that makes no sense.
     pub fn usage(line: impl fmt::Display) -> Self {
-        Self {
-            code: EXIT_USAGE,
-            line: line.to_string(),
-        }
+        Self { code: EXIT_USAGE, line: line.to_string() }
     }
 
     /// The machine does not allow what was asked for.
     pub fn cannot_start(line: impl fmt::Display) -> Self {
-        Self {
-            code: EXIT_CANNOT_START,
-            line: line.to_string(),
-        }
+        Self { code: EXIT_CANNOT_START, line: line.to_string() }
     }
 
     /// Its exit code.

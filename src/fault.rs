@@ -53,26 +53,19 @@ impl FromStr for Fault {
         let kind = match (kind, duration) {
             ("kill-ecu", None) => FaultKind::KillEcu,
             ("kill-ecu", Some(_)) => return Err("kill-ecu has no duration; leave out +...".into()),
-            ("pause-ecu", Some(duration)) => FaultKind::PauseEcu {
-                duration_s: seconds(duration)?,
-            },
+            ("pause-ecu", Some(duration)) => FaultKind::PauseEcu { duration_s: seconds(duration)? },
             ("pause-ecu", None) => {
                 return Err("pause-ecu needs a duration: pause-ecu@20+0.5:truck=2".into());
             }
             (other, _) => {
-                return Err(format!(
-                    "no fault {other:?}; there are kill-ecu and pause-ecu"
-                ));
+                return Err(format!("no fault {other:?}; there are kill-ecu and pause-ecu"));
             }
         };
         let mut truck = None;
         for option in options.split(',').filter(|option| !option.is_empty()) {
             match option.split_once('=') {
                 Some(("truck", n)) => {
-                    truck = Some(
-                        n.parse()
-                            .map_err(|_| format!("truck={n} is no truck number"))?,
-                    );
+                    truck = Some(n.parse().map_err(|_| format!("truck={n} is no truck number"))?);
                 }
                 _ => return Err(format!("no option {option:?}; the one there is is truck=N")),
             }
@@ -87,11 +80,7 @@ impl fmt::Display for Fault {
         match self.kind {
             FaultKind::KillEcu => write!(f, "kill-ecu@{}:truck={}", self.at_s, self.truck),
             FaultKind::PauseEcu { duration_s } => {
-                write!(
-                    f,
-                    "pause-ecu@{}+{duration_s}:truck={}",
-                    self.at_s, self.truck
-                )
+                write!(f, "pause-ecu@{}+{duration_s}:truck={}", self.at_s, self.truck)
             }
         }
     }
@@ -111,14 +100,7 @@ mod tests {
     #[test]
     fn faults_are_read_as_written() {
         let kill: Fault = "kill-ecu@20:truck=2".parse().expect("well formed");
-        assert_eq!(
-            kill,
-            Fault {
-                kind: FaultKind::KillEcu,
-                at_s: 20.0,
-                truck: 2
-            }
-        );
+        assert_eq!(kill, Fault { kind: FaultKind::KillEcu, at_s: 20.0, truck: 2 });
         assert!(kill.stops(2, 1e6) && !kill.stops(2, 19.9) && !kill.stops(1, 30.0));
         let pause: Fault = "pause-ecu@1.5+0.25:truck=0".parse().expect("well formed");
         assert!(pause.stops(0, 1.6) && !pause.stops(0, 1.75));

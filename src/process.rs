@@ -50,11 +50,7 @@ pub fn recorder(
     overflow: Overflow,
     interfaces: Vec<String>,
 ) -> Result<Recorder, Failure> {
-    let options = RecorderOptions {
-        overflow,
-        interfaces,
-        ..RecorderOptions::new(source)
-    };
+    let options = RecorderOptions { overflow, interfaces, ..RecorderOptions::new(source) };
     Recorder::start(&folder.part(&source.to_string()), options).map_err(Failure::cannot_start)
 }
 

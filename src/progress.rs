@@ -37,8 +37,7 @@ impl ProgressLine {
     /// Shows the bench time.
     pub fn show(&self, time_s: f64, duration_s: f64) {
         self.bar.set_position((time_s * STEPS_PER_S) as u64);
-        self.bar
-            .set_message(format!("{time_s:6.1} of {duration_s:.0} s"));
+        self.bar.set_message(format!("{time_s:6.1} of {duration_s:.0} s"));
     }
 
     /// Takes the line away.

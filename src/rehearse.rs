@@ -6,8 +6,10 @@ mod virtual_time;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 use std::time::Instant;
 
+use bench_sim::rig::RunReport;
 use bench_sim::{Results, Scenario};
 use controller_rt::Report;
 use law::Calibration;
@@ -34,6 +36,7 @@ struct Plan<'a> {
 #[derive(Default)]
 struct Outcome {
     results: Option<Results>,
+    rig_pace: Option<RunReport>,
     ecus: Vec<Report>,
     floor: Option<Floor>,
     notes: Vec<String>,
@@ -66,13 +69,12 @@ impl<'a> Plan<'a> {
                 "--virtual-time runs on the loopback bus; leave out --bus, or --virtual-time",
             ));
         }
+        if let Some(path) = &args.json {
+            check_parent("--json", path)?;
+        }
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
         let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
-        let plan = Self {
-            args,
-            scenario,
-            calibration,
-        };
+        let plan = Self { args, scenario, calibration };
         let trucks = plan.trucks();
         let known = |truck: u8| usize::from(truck) < trucks;
         if let EcuChoice::One(truck) = args.ecu
@@ -125,10 +127,7 @@ impl<'a> Plan<'a> {
         let began = Instant::now();
         let mut outcome = run()?;
         let elapsed_s = began.elapsed().as_secs_f64();
-        let mut files = Files {
-            report: Some(folder.report().display().to_string()),
-            mcap: None,
-        };
+        let mut files = Files { report: Some(folder.report().display().to_string()), mcap: None };
         match trace::merge(self, folder) {
             Ok(notes) => {
                 files.mcap = Some(folder.trace().display().to_string());
@@ -142,13 +141,10 @@ impl<'a> Plan<'a> {
             rate_hz: self.args.run.rate_hz,
             solver: self.args.solver.word(),
             results: outcome.results,
+            rig_pace: outcome.rig_pace,
             ecus: outcome.ecus,
             floor: outcome.floor.as_ref(),
-            bus: (
-                bus.backend().into(),
-                bus.reason.clone(),
-                bus.interfaces(self.trucks()),
-            ),
+            bus: (bus.backend().into(), bus.reason.clone(), bus.interfaces(self.trucks())),
             elapsed_s,
             notes: outcome.notes,
             interrupted: outcome.interrupted,
@@ -163,10 +159,7 @@ impl<'a> Plan<'a> {
     fn write_inputs(&self, folder: &RunFolder) -> Result<(), Failure> {
         let law = toml::to_string(&self.calibration)
             .map_err(|error| Failure::cannot_start(format!("law.toml: {error}")))?;
-        for (path, text) in [
-            (folder.scenario(), self.scenario.to_toml()),
-            (folder.law(), law),
-        ] {
+        for (path, text) in [(folder.scenario(), self.scenario.to_toml()), (folder.law(), law)] {
             fs::write(&path, text).map_err(|error| {
                 Failure::cannot_start(format!("cannot write {}: {error}", path.display()))
             })?;
@@ -179,10 +172,7 @@ impl<'a> Plan<'a> {
         anstream::println!("{page}");
         let plain = anstream::adapter::strip_str(&page).to_string();
         fs::write(folder.report(), plain).map_err(|error| {
-            Failure::cannot_start(format!(
-                "cannot write {}: {error}",
-                folder.report().display()
-            ))
+            Failure::cannot_start(format!("cannot write {}: {error}", folder.report().display()))
         })?;
         process::write_json(&folder.summary(), summary)?;
         match &self.args.json {
@@ -192,35 +182,36 @@ impl<'a> Plan<'a> {
     }
 }
 
+/// A file that is written at the end of a long run must have a place from its start.
+fn check_parent(option: &str, path: &Path) -> Result<(), Failure> {
+    let parent = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    if parent.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{option} {}: cannot be written; name a file in a folder that exists",
+        path.display()
+    )))
+}
+
 /// The machine, in words.
 fn describe_environment() -> BTreeMap<String, String> {
     let host = environment();
-    let list = |cpus: &[usize]| {
-        cpus.iter()
-            .map(usize::to_string)
-            .collect::<Vec<_>>()
-            .join(",")
-    };
+    let list = |cpus: &[usize]| cpus.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let limit = |limit: Option<u64>| limit.map_or("unlimited".into(), |n| n.to_string());
     BTreeMap::from([
         ("kernel".into(), host.kernel),
         ("preempt_rt".into(), host.preempt_rt.to_string()),
-        (
-            "tick_hz".into(),
-            host.tick_hz.map_or("unknown".into(), |hz| hz.to_string()),
-        ),
-        (
-            "clocksource".into(),
-            host.clocksource.unwrap_or_else(|| "unknown".into()),
-        ),
+        ("tick_hz".into(), host.tick_hz.map_or("unknown".into(), |hz| hz.to_string())),
+        ("clocksource".into(), host.clocksource.unwrap_or_else(|| "unknown".into())),
         ("governors".into(), host.governors.join(",")),
         ("online_cpus".into(), list(&host.online_cpus)),
         ("isolated_cpus".into(), list(&host.isolated_cpus)),
         ("rtprio_limit".into(), limit(host.rtprio_limit)),
-        (
-            "memlock_limit_bytes".into(),
-            limit(host.memlock_limit_bytes),
-        ),
+        ("memlock_limit_bytes".into(), limit(host.memlock_limit_bytes)),
         ("virtual_machine".into(), host.virtual_machine.to_string()),
     ])
 }

@@ -47,9 +47,7 @@ impl RunFolder {
         let probe = path.join(".writable");
         fs::write(&probe, b"").map_err(failed)?;
         fs::remove_file(&probe).map_err(failed)?;
-        Ok(Self {
-            path: path.to_path_buf(),
-        })
+        Ok(Self { path: path.to_path_buf() })
     }
 
     /// The folder itself.
@@ -100,9 +98,7 @@ impl RunFolder {
 
 /// `runs/<time>-<scenario>`, with a number behind it when two runs start in the same second.
 fn unused_default(scenario: &str) -> PathBuf {
-    let stem = Path::new(scenario)
-        .file_stem()
-        .map_or(scenario.into(), |s| s.to_string_lossy());
+    let stem = Path::new(scenario).file_stem().map_or(scenario.into(), |s| s.to_string_lossy());
     let name = format!("{}-{stem}", Zoned::now().strftime("%Y%m%d-%H%M%S"));
     let first = Path::new("runs").join(&name);
     (2..)

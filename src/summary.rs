@@ -4,7 +4,8 @@ mod page;
 
 use std::collections::BTreeMap;
 
-use bench_sim::{ChannelReport, Criterion, Results, Scenario, TruckResult};
+use bench_sim::rig::RunReport;
+use bench_sim::{ChannelReport, Criterion, NodeCounts, Results, Scenario, TruckResult};
 use controller_rt::{Ending, Report};
 use serde::{Deserialize, Serialize};
 use vcan_setup::floor::Floor;
@@ -41,6 +42,10 @@ pub struct Summary {
     pub ecus: Vec<Report>,
     /// Wake-up lateness of this machine without any controller; none in virtual time.
     pub machine_floor_us: Option<MachineFloor>,
+    /// What happened on every truck's bus, as the rig saw it.
+    pub nodes: Vec<NodeCounts>,
+    /// How well the rig kept time; none in virtual time.
+    pub rig_pace: Option<RunReport>,
     /// The V2V channel, measured from the messages delivered.
     pub v2v: ChannelReport,
     /// The scenario's criteria.
@@ -114,6 +119,8 @@ pub struct Ingredients<'a> {
     pub solver: &'a str,
     /// The rig's results; none when the rig died.
     pub results: Option<Results>,
+    /// How well the rig kept time; none in virtual time or when it died.
+    pub rig_pace: Option<RunReport>,
     /// The ECUs' reports.
     pub ecus: Vec<Report>,
     /// The machine's floor and the number of wake-ups it stands on; none in virtual time.
@@ -169,6 +176,8 @@ impl Summary {
             trucks: results.trucks,
             ecus: run.ecus,
             machine_floor_us: run.floor.map(|floor| MachineFloor::new(floor, period_ns)),
+            nodes: results.nodes,
+            rig_pace: run.rig_pace,
             v2v: results.v2v,
             criteria,
             notes,
@@ -201,10 +210,7 @@ impl MachineFloor {
 fn late_wakeups(floor: &Floor, period_ns: u64) -> Share {
     let lateness = floor.lateness_ns();
     let punctual = lateness.count_between(0, period_ns / 2);
-    Share {
-        events: lateness.len().saturating_sub(punctual),
-        trials: lateness.len(),
-    }
+    Share { events: lateness.len().saturating_sub(punctual), trials: lateness.len() }
 }
 
 fn timing(ecus: &[Report], floor: Option<&Floor>, period_ns: u64) -> TimingVerdict {
@@ -239,10 +245,7 @@ fn complaints(ecu: &Report) -> Vec<String> {
         Ending::RigSilent => notes.push(format!("ECU {truck} ended because the rig fell silent")),
     }
     if ecu.dropped_records > 0 {
-        notes.push(format!(
-            "ECU {truck}: {} records dropped",
-            ecu.dropped_records
-        ));
+        notes.push(format!("ECU {truck}: {} records dropped", ecu.dropped_records));
     }
     if let Some(error) = &ecu.recording_error {
         notes.push(format!("ECU {truck}: recording incomplete: {error}"));

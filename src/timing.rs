@@ -47,10 +47,7 @@ impl Share {
         let centre = p + z2 / (2.0 * n);
         let reach = Z_95 * (p * (1.0 - p) / n + z2 / (4.0 * n * n)).sqrt();
         let scale = 1.0 + z2 / n;
-        (
-            ((centre - reach) / scale).max(0.0),
-            ((centre + reach) / scale).min(1.0),
-        )
+        (((centre - reach) / scale).max(0.0), ((centre + reach) / scale).min(1.0))
     }
 }
 
@@ -71,75 +68,29 @@ pub fn judge(ticks: Share, floor: Share) -> TimingVerdict {
 mod tests {
     use super::*;
 
-    const QUIET: Share = Share {
-        events: 0,
-        trials: 10_000,
-    };
+    const QUIET: Share = Share { events: 0, trials: 10_000 };
 
     #[test]
     fn many_punctual_ticks_pass_and_many_late_ones_fail() {
-        assert_eq!(
-            judge(
-                Share {
-                    events: 3,
-                    trials: 400_000
-                },
-                QUIET
-            ),
-            TimingVerdict::Pass
-        );
-        assert_eq!(
-            judge(
-                Share {
-                    events: 8_000,
-                    trials: 400_000
-                },
-                QUIET
-            ),
-            TimingVerdict::Fail
-        );
+        assert_eq!(judge(Share { events: 3, trials: 400_000 }, QUIET), TimingVerdict::Pass);
+        assert_eq!(judge(Share { events: 8_000, trials: 400_000 }, QUIET), TimingVerdict::Fail);
     }
 
     #[test]
     fn a_late_machine_or_a_short_run_decides_nothing() {
-        let late = Share {
-            events: 300,
-            trials: 10_000,
-        };
+        let late = Share { events: 300, trials: 10_000 };
         assert_eq!(
-            judge(
-                Share {
-                    events: 8_000,
-                    trials: 400_000
-                },
-                late
-            ),
+            judge(Share { events: 8_000, trials: 400_000 }, late),
             TimingVerdict::Inconclusive
         );
-        assert_eq!(
-            judge(
-                Share {
-                    events: 0,
-                    trials: 100
-                },
-                QUIET
-            ),
-            TimingVerdict::Inconclusive
-        );
+        assert_eq!(judge(Share { events: 0, trials: 100 }, QUIET), TimingVerdict::Inconclusive);
         assert_eq!(judge(Share::default(), QUIET), TimingVerdict::Inconclusive);
     }
 
     #[test]
     fn wilsons_interval_matches_the_published_example() {
         // 15 of 148: (0.0624, 0.1605) [R. G. Newcombe, Statistics in Medicine 17 (1998), table I].
-        let (low, high) = Share {
-            events: 15,
-            trials: 148,
-        }
-        .interval();
-        assert!(
-            (low - 0.0624).abs() < 1e-4 && (high - 0.1605).abs() < 1e-4,
-            "{low} {high}"
-        );
+        let (low, high) = Share { events: 15, trials: 148 }.interval();
+        assert!((low - 0.0624).abs() < 1e-4 && (high - 0.1605).abs() < 1e-4, "{low} {high}");
     }
 }

@@ -135,22 +135,15 @@ impl<M: Copy> Channel<M> {
 
     /// The delay of the newest message delivered from one truck to another \[s\].
     pub(crate) fn newest_delay_s(&self, from: usize, to: usize) -> Option<f64> {
-        let link = self
-            .links
-            .iter()
-            .find(|link| link.from == from && link.to == to)?;
+        let link = self.links.iter().find(|link| link.from == from && link.to == to)?;
         link.measured.newest_ns.map(seconds)
     }
 
     /// What the channel really did so far.
     pub(crate) fn report(&self) -> ChannelReport {
         let links = &self.links;
-        let lows = links
-            .iter()
-            .filter_map(|link| link.measured.range_ns.map(|r| r.0));
-        let highs = links
-            .iter()
-            .filter_map(|link| link.measured.range_ns.map(|r| r.1));
+        let lows = links.iter().filter_map(|link| link.measured.range_ns.map(|r| r.0));
+        let highs = links.iter().filter_map(|link| link.measured.range_ns.map(|r| r.1));
         let rates = links.iter().filter_map(|link| link.measured.rate_max);
         ChannelReport {
             delay_min_s: lows.min().map(seconds),
@@ -188,11 +181,7 @@ impl<M: Copy> Link<M> {
         } else if self.under_way.len() == UNDER_WAY_MAX {
             self.overflowed += 1;
         } else {
-            self.under_way.push_back(UnderWay {
-                generated_ns,
-                due_ns,
-                message,
-            });
+            self.under_way.push_back(UnderWay { generated_ns, due_ns, message });
         }
     }
 
@@ -221,11 +210,7 @@ mod tests {
     const STEP_NS: u64 = 1_000_000;
 
     fn settings() -> V2v {
-        V2v {
-            delay_min_s: 0.015,
-            delay_max_s: 0.150,
-            ..V2v::default()
-        }
+        V2v { delay_min_s: 0.015, delay_max_s: 0.150, ..V2v::default() }
     }
 
     /// To, from, generated at, delivered at.
@@ -243,9 +228,7 @@ mod tests {
                 }
             }
             let later_ns = now_ns + STEP_NS;
-            channel.deliver(later_ns, |to, &(from, at)| {
-                log.push((to, from, at, later_ns))
-            });
+            channel.deliver(later_ns, |to, &(from, at)| log.push((to, from, at, later_ns)));
         }
         (channel, log)
     }
@@ -255,10 +238,7 @@ mod tests {
         for seed in 0..20 {
             let (channel, log) = run(&settings(), seed, 110);
             let report = channel.report();
-            let (low, high) = (
-                report.delay_min_s.expect("low"),
-                report.delay_max_s.expect("high"),
-            );
+            let (low, high) = (report.delay_min_s.expect("low"), report.delay_max_s.expect("high"));
             assert!((0.015 - 1e-12..0.03).contains(&low), "{low}");
             assert!(high <= 0.150 + 1e-12 && high > 0.135, "{high}");
             let rate = report.max_abs_rate.expect("rate");
@@ -282,11 +262,7 @@ mod tests {
         let (_, log) = run(&settings(), 4, 60);
         let of = |to, from| log.iter().filter(move |l| (l.0, l.1) == (to, from));
         for (to, from) in [(1, 0), (2, 0), (2, 1), (3, 0), (3, 2)] {
-            assert!(
-                of(to, from)
-                    .zip(of(to, from).skip(1))
-                    .all(|(a, b)| a.2 < b.2)
-            );
+            assert!(of(to, from).zip(of(to, from).skip(1)).all(|(a, b)| a.2 < b.2));
         }
         let delays = |to, from| -> Vec<u64> { of(to, from).map(|l| l.3 - l.2).collect() };
         assert_ne!(delays(2, 0), delays(3, 0));
@@ -300,31 +276,17 @@ mod tests {
 
     #[test]
     fn no_added_delay_means_the_next_base_step() {
-        let none = V2v {
-            delay_min_s: 0.0,
-            delay_max_s: 0.0,
-            ..settings()
-        };
+        let none = V2v { delay_min_s: 0.0, delay_max_s: 0.0, ..settings() };
         let (channel, _) = run(&none, 1, 5);
         let report = channel.report();
-        assert_eq!(
-            (report.delay_min_s, report.delay_max_s),
-            (Some(0.001), Some(0.001))
-        );
+        assert_eq!((report.delay_min_s, report.delay_max_s), (Some(0.001), Some(0.001)));
         assert_eq!(report.max_abs_rate, Some(0.0));
     }
 
     #[test]
     fn loss_takes_its_share_and_leaves_the_delays_alone() {
         let (lossless, _) = run(&settings(), 5, 100);
-        let (lossy, log) = run(
-            &V2v {
-                loss: 0.3,
-                ..settings()
-            },
-            5,
-            100,
-        );
+        let (lossy, log) = run(&V2v { loss: 0.3, ..settings() }, 5, 100);
         let report = lossy.report();
         let share = report.lost as f64 / (report.lost + report.delivered) as f64;
         assert!((share - 0.3).abs() < 0.02, "{share}");
@@ -334,14 +296,7 @@ mod tests {
 
     #[test]
     fn a_slower_radio_thins_the_broadcasts() {
-        let (channel, _) = run(
-            &V2v {
-                period_s: 0.1,
-                ..settings()
-            },
-            5,
-            100,
-        );
+        let (channel, _) = run(&V2v { period_s: 0.1, ..settings() }, 5, 100);
         let expected = 5 * 1000;
         assert!(channel.report().delivered.abs_diff(expected) < 20);
     }

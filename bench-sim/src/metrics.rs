@@ -174,10 +174,7 @@ impl Metrics {
     }
 
     fn sample_motion(&mut self, seen: &Sample, index: usize) {
-        let Errors {
-            leader_m,
-            predecessor_m,
-        } = errors(seen.trucks, index, self.spacing_m);
+        let Errors { leader_m, predecessor_m } = errors(seen.trucks, index, self.spacing_m);
         let (state, command) = (seen.trucks[index].state(), &seen.commands[index]);
         let gauge = &mut self.gauges[index];
         if leader_m.abs() > self.position_band_m {
@@ -191,10 +188,8 @@ impl Metrics {
         r.max_abs_leader_error_m = r.max_abs_leader_error_m.max(leader_m.abs());
         r.max_abs_predecessor_error_m = r.max_abs_predecessor_error_m.max(predecessor_m.abs());
         r.final_predecessor_error_m = predecessor_m;
-        r.max_abs_steer_rad = r
-            .max_abs_steer_rad
-            .max(state.steer_rad.abs())
-            .max(command.steer_rad.abs());
+        r.max_abs_steer_rad =
+            r.max_abs_steer_rad.max(state.steer_rad.abs()).max(command.steer_rad.abs());
         let lateral_mps2 = seen.trucks[index].acceleration().lateral_mps2.abs();
         r.max_abs_lateral_accel_mps2 = r.max_abs_lateral_accel_mps2.max(lateral_mps2);
         r.min_force_n = r.min_force_n.min(command.force_n);

@@ -86,12 +86,7 @@ impl<const N: usize> Correlated<N> {
     /// Noise with the given standard deviation per channel.
     pub(crate) fn new(dice: Dice, sigma: [f64; N]) -> Self {
         let silent = sigma.iter().all(|&s| s == 0.0);
-        let mut noise = Self {
-            dice,
-            sigma,
-            value: [0.0; N],
-            silent,
-        };
+        let mut noise = Self { dice, sigma, value: [0.0; N], silent };
         noise.restart();
         noise
     }
@@ -142,11 +137,7 @@ mod tests {
         let sigma = (power / samples as f64).sqrt();
         assert!((sigma / 0.01 - 1.0).abs() < 0.05, "sigma {sigma}");
         // Half a second back the correlation is 1/e.
-        assert!(
-            (lagged / power - libm::exp(-1.0)).abs() < 0.05,
-            "{}",
-            lagged / power
-        );
+        assert!((lagged / power - libm::exp(-1.0)).abs() < 0.05, "{}", lagged / power);
     }
 
     #[test]

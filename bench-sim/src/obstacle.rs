@@ -96,24 +96,13 @@ impl Obstacle {
             Some(change) => change.position(self.y_m, time_s),
             None => (self.y_m, 0.0),
         };
-        Motion {
-            x_m: self.x_m + self.speed_mps * time_s,
-            y_m,
-            x_mps: self.speed_mps,
-            y_mps,
-        }
+        Motion { x_m: self.x_m + self.speed_mps * time_s, y_m, x_mps: self.speed_mps, y_mps }
     }
 
     /// Its box on the road, given where it is.
     pub fn rectangle(&self, motion: &Motion) -> Rectangle {
         let heading_rad = motion.heading_rad();
-        Rectangle::new(
-            motion.x_m,
-            motion.y_m,
-            heading_rad,
-            self.length_m,
-            self.width_m,
-        )
+        Rectangle::new(motion.x_m, motion.y_m, heading_rad, self.length_m, self.width_m)
     }
 }
 
@@ -150,22 +139,13 @@ mod tests {
             appears_s: 0.0,
             length_m: 6.0,
             width_m: 2.2,
-            lane_change: Some(LaneChange {
-                to_y_m: 0.0,
-                from_s: 0.0,
-                until_s: 4.0,
-            }),
+            lane_change: Some(LaneChange { to_y_m: 0.0, from_s: 0.0, until_s: 4.0 }),
         }
     }
 
     #[test]
     fn constant_speed_passes_through_its_position_at_time_zero() {
-        let van = Obstacle {
-            x_m: -36.0,
-            speed_mps: 17.0,
-            lane_change: None,
-            ..merging_van()
-        };
+        let van = Obstacle { x_m: -36.0, speed_mps: 17.0, lane_change: None, ..merging_van() };
         assert!((van.motion(49.0).x_m - 797.0).abs() < 1e-9);
     }
 
@@ -184,10 +164,7 @@ mod tests {
 
     #[test]
     fn nothing_exists_before_it_appears() {
-        let van = Obstacle {
-            appears_s: 40.0,
-            ..merging_van()
-        };
+        let van = Obstacle { appears_s: 40.0, ..merging_van() };
         assert!(!van.present(39.999) && van.present(40.0));
     }
 }

@@ -37,14 +37,8 @@ impl Rectangle {
             return -overlap_m;
         }
         // The nearest points of two disjoint convex polygons include a corner of one of them.
-        let mine = self
-            .corners()
-            .into_iter()
-            .map(|(x, y)| other.distance_m(x, y));
-        let theirs = other
-            .corners()
-            .into_iter()
-            .map(|(x, y)| self.distance_m(x, y));
+        let mine = self.corners().into_iter().map(|(x, y)| other.distance_m(x, y));
+        let theirs = other.corners().into_iter().map(|(x, y)| self.distance_m(x, y));
         mine.chain(theirs).fold(f64::INFINITY, f64::min)
     }
 
@@ -107,18 +101,9 @@ mod tests {
     #[test]
     fn aligned_boxes_are_as_far_as_their_sides() {
         let van = Rectangle::new(0.0, 0.0, 0.0, 6.0, 2.2);
-        assert!(close(
-            van.clearance_m(&Rectangle::new(10.0, 0.0, 0.0, 6.0, 2.0)),
-            4.0
-        ));
-        assert!(close(
-            van.clearance_m(&Rectangle::new(1.0, 3.0, 0.0, 6.0, 2.0)),
-            0.9
-        ));
-        assert!(close(
-            van.clearance_m(&Rectangle::new(9.0, 6.1, 0.0, 6.0, 2.0)),
-            5.0
-        ));
+        assert!(close(van.clearance_m(&Rectangle::new(10.0, 0.0, 0.0, 6.0, 2.0)), 4.0));
+        assert!(close(van.clearance_m(&Rectangle::new(1.0, 3.0, 0.0, 6.0, 2.0)), 0.9));
+        assert!(close(van.clearance_m(&Rectangle::new(9.0, 6.1, 0.0, 6.0, 2.0)), 5.0));
     }
 
     #[test]
@@ -133,10 +118,7 @@ mod tests {
     #[test]
     fn overlap_is_negative_by_the_shallowest_way_out() {
         let van = Rectangle::new(0.0, 0.0, 0.0, 6.0, 2.0);
-        assert!(close(
-            van.clearance_m(&Rectangle::new(1.0, 1.7, 0.0, 6.0, 2.0)),
-            -0.3
-        ));
+        assert!(close(van.clearance_m(&Rectangle::new(1.0, 1.7, 0.0, 6.0, 2.0)), -0.3));
         assert!(close(van.clearance_m(&van), -2.0));
     }
 

@@ -73,10 +73,7 @@ impl Grid {
     fn new(rate_hz: u32) -> Self {
         let period_ns = 1_000_000_000 / u64::from(rate_hz);
         let steps_per_tick = period_ns.div_ceil(BASE_STEP_MAX_NS);
-        Self {
-            step_ns: period_ns / steps_per_tick,
-            steps_per_tick,
-        }
+        Self { step_ns: period_ns / steps_per_tick, steps_per_tick }
     }
 
     fn tick_ns(&self) -> u64 {
@@ -129,39 +126,23 @@ impl Rig {
     ) -> Result<Self, RigError> {
         let count = scenario.platoon.trucks;
         if buses.len() != count {
-            return Err(RigError::Buses {
-                trucks: count,
-                buses: buses.len(),
-            });
+            return Err(RigError::Buses { trucks: count, buses: buses.len() });
         }
         if !(RATE_MIN_HZ..=RATE_MAX_HZ).contains(&loop_rate_hz) {
-            return Err(RigError::Rate {
-                rate_hz: loop_rate_hz,
-            });
+            return Err(RigError::Rate { rate_hz: loop_rate_hz });
         }
         let grid = Grid::new(loop_rate_hz);
         let node = |(truck, bus)| TruckNode::new(truck, bus, grid.tick_ns());
         Ok(Self {
-            trucks: (0..count)
-                .map(|truck| truck_at_start(scenario, truck))
-                .collect(),
+            trucks: (0..count).map(|truck| truck_at_start(scenario, truck)).collect(),
             commands: vec![Command::default(); count],
             nodes: buses.into_iter().enumerate().map(node).collect(),
-            navigation: (0..count)
-                .map(|t| Navigation::new(&scenario.sensors, seed, t))
-                .collect(),
-            detectors: (0..count)
-                .map(|t| Detector::new(&scenario.sensors, seed, t))
-                .collect(),
+            navigation: (0..count).map(|t| Navigation::new(&scenario.sensors, seed, t)).collect(),
+            detectors: (0..count).map(|t| Detector::new(&scenario.sensors, seed, t)).collect(),
             snapshots: vec![Snapshot::default(); count],
             channel: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
             metrics: Metrics::new(scenario),
-            tap: Tap {
-                recorder,
-                open: false,
-                time_ns: 0,
-                tick: 0,
-            },
+            tap: Tap { recorder, open: false, time_ns: 0, tick: 0 },
             due: Due::default(),
             steps: 0,
             published: None,
@@ -190,11 +171,7 @@ impl Rig {
     pub fn silent_trucks(&self) -> impl Iterator<Item = usize> {
         let ready =
             |mode: &Option<EcuMode>| matches!(mode, Some(EcuMode::Ready | EcuMode::Running));
-        self.nodes
-            .iter()
-            .enumerate()
-            .filter(move |(_, n)| !ready(&n.ecu_mode))
-            .map(|(t, _)| t)
+        self.nodes.iter().enumerate().filter(move |(_, n)| !ready(&n.ecu_mode)).map(|(t, _)| t)
     }
 
     /// Starts the run: bench time 0, mission running, tick 0. What came before is forgotten.
@@ -312,10 +289,8 @@ impl Rig {
 
     fn integrate(&mut self) {
         let step_ns = self.grid.step_ns;
-        for (truck, (node, command)) in self
-            .trucks
-            .iter_mut()
-            .zip(self.nodes.iter_mut().zip(&mut self.commands))
+        for (truck, (node, command)) in
+            self.trucks.iter_mut().zip(self.nodes.iter_mut().zip(&mut self.commands))
         {
             *command = node.watch.command(truck, step_ns);
             truck.step(command, step_ns as f64 * 1e-9);
@@ -357,10 +332,5 @@ impl Rig {
 fn truck_at_start(scenario: &Scenario, truck: usize) -> Truck {
     let platoon = &scenario.platoon;
     let x_m = -(truck as f64) * platoon.spacing_m;
-    Truck::new(
-        scenario.truck_parameters(truck),
-        x_m,
-        platoon.desired_y_m,
-        platoon.speed_mps,
-    )
+    Truck::new(scenario.truck_parameters(truck), x_m, platoon.desired_y_m, platoon.speed_mps)
 }

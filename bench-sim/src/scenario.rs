@@ -90,11 +90,7 @@ pub struct Road {
 
 impl Default for Road {
     fn default() -> Self {
-        Self {
-            lane_width_m: 3.75,
-            right_edge_y_m: -1.875,
-            left_edge_y_m: 5.625,
-        }
+        Self { lane_width_m: 3.75, right_edge_y_m: -1.875, left_edge_y_m: 5.625 }
     }
 }
 
@@ -116,13 +112,7 @@ pub struct V2v {
 
 impl Default for V2v {
     fn default() -> Self {
-        Self {
-            delay_min_s: 0.0,
-            delay_max_s: 0.0,
-            delay_rate_max: 0.2,
-            period_s: 0.02,
-            loss: 0.0,
-        }
+        Self { delay_min_s: 0.0, delay_max_s: 0.0, delay_rate_max: 0.2, period_s: 0.02, loss: 0.0 }
     }
 }
 
@@ -147,10 +137,7 @@ pub struct Plant {
 
 impl Default for Plant {
     fn default() -> Self {
-        Self {
-            model: Model::SingleTrack,
-            friction: TruckParameters::default().friction,
-        }
+        Self { model: Model::SingleTrack, friction: TruckParameters::default().friction }
     }
 }
 
@@ -168,11 +155,7 @@ pub struct Sensors {
 
 impl Default for Sensors {
     fn default() -> Self {
-        Self {
-            noise: 0.0,
-            range_m: 80.0,
-            behind_m: 30.0,
-        }
+        Self { noise: 0.0, range_m: 80.0, behind_m: 30.0 }
     }
 }
 
@@ -192,11 +175,7 @@ impl Scenario {
     /// The plant calibration of one truck, its overrides applied.
     pub fn truck_parameters(&self, truck: usize) -> TruckParameters {
         let nominal = TruckParameters::default();
-        let own = self
-            .trucks
-            .get(&truck.to_string())
-            .copied()
-            .unwrap_or_default();
+        let own = self.trucks.get(&truck.to_string()).copied().unwrap_or_default();
         TruckParameters::new(
             own.mass_kg.unwrap_or(NOMINAL_MASS_KG),
             own.drive_lag_s.unwrap_or(nominal.drive_lag_s),

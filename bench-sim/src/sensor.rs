@@ -47,16 +47,12 @@ impl Navigation {
         let (p, v) = (POSITION_SIGMA_M, SPEED_SIGMA_MPS);
         let sigma = [p, p, v, v, ACCEL_SIGMA_MPS2].map(|sigma| sigma * sensors.noise);
         let dice = Dice::new(seed, Stream::Navigation { truck });
-        Self {
-            noise: Correlated::new(dice, sigma),
-            last_ns: 0,
-        }
+        Self { noise: Correlated::new(dice, sigma), last_ns: 0 }
     }
 
     /// The solution for a snapshot; snapshots come in order of time.
     pub(crate) fn solve(&mut self, seen: &Snapshot) -> EgoState {
-        self.noise
-            .advance(seen.time_ns.saturating_sub(self.last_ns) as f64 * 1e-9);
+        self.noise.advance(seen.time_ns.saturating_sub(self.last_ns) as f64 * 1e-9);
         self.last_ns = seen.time_ns;
         let [x_m, y_m, forward_mps, lateral_mps, accel_mps2] = *self.noise.value();
         EgoState {
@@ -204,10 +200,7 @@ impl Detector {
 
 impl Nearest {
     fn new() -> Self {
-        Self {
-            found: [(f64::INFINITY, Target::Obstacle(usize::MAX)); PAGES],
-            count: 0,
-        }
+        Self { found: [(f64::INFINITY, Target::Obstacle(usize::MAX)); PAGES], count: 0 }
     }
 
     /// Keeps a target if it is among the nearest.
@@ -256,16 +249,7 @@ impl Target {
                     member: index as u8,
                     length_m: FRONT_OVERHANG_M + REAR_OVERHANG_M,
                     width_m: WIDTH_M,
-                    ..placed(
-                        report,
-                        &Motion {
-                            x_m,
-                            y_m,
-                            x_mps,
-                            y_mps,
-                        },
-                        heading_rad,
-                    )
+                    ..placed(report, &Motion { x_m, y_m, x_mps, y_mps }, heading_rad)
                 }
             }
         }
@@ -337,14 +321,7 @@ mod tests {
         obstacles: &[Obstacle],
     ) -> Vec<ObstacleMessage> {
         let mut reports = Vec::new();
-        detector.scan(
-            &Surroundings {
-                time_ns,
-                trucks,
-                obstacles,
-            },
-            |report| reports.push(report),
-        );
+        detector.scan(&Surroundings { time_ns, trucks, obstacles }, |report| reports.push(report));
         reports
     }
 
@@ -352,13 +329,8 @@ mod tests {
     fn obstacles_are_seen_within_range_while_present_and_until_far_behind() {
         let trucks = trucks(&[0.0]);
         let mut detector = Detector::new(&Sensors::default(), 1, 0);
-        let obstacles = [
-            van(80.0, 0.0),
-            van(80.1, 0.0),
-            van(-30.0, 0.0),
-            van(-30.1, 0.0),
-            van(5.0, 9.0),
-        ];
+        let obstacles =
+            [van(80.0, 0.0), van(80.1, 0.0), van(-30.0, 0.0), van(-30.1, 0.0), van(5.0, 9.0)];
         let seen = scan(&mut detector, 0, &trucks, &obstacles);
         let places: Vec<f64> = seen.iter().map(|report| report.position_x_m).collect();
         assert_eq!(places, [-30.0, 80.0]);
@@ -372,10 +344,7 @@ mod tests {
         assert_eq!(both.len(), 2);
         let left = [van(10.0, 99.0), van(20.0, 0.0)];
         let after = scan(&mut detector, 1, &trucks, &left);
-        assert_eq!(
-            (after[0].page, after[0].kind),
-            (both[0].page, ObstacleKind::None)
-        );
+        assert_eq!((after[0].page, after[0].kind), (both[0].page, ObstacleKind::None));
         assert_eq!((after[1].page, after[1].position_x_m), (both[1].page, 20.0));
         assert_eq!(scan(&mut detector, 2, &trucks, &left).len(), 1);
     }
@@ -390,10 +359,7 @@ mod tests {
         assert!(seen(0).is_empty());
         let by_last = seen(2);
         assert_eq!(by_last.len(), 1);
-        assert_eq!(
-            (by_last[0].kind, by_last[0].member),
-            (ObstacleKind::PlatoonTruck, 1)
-        );
+        assert_eq!((by_last[0].kind, by_last[0].member), (ObstacleKind::PlatoonTruck, 1));
         assert!((by_last[0].position_x_m - (50.0 - 1.545)).abs() < 1e-12);
     }
 
@@ -401,32 +367,19 @@ mod tests {
     fn of_too_many_targets_the_nearest_are_reported() {
         let trucks = trucks(&[0.0]);
         let mut detector = Detector::new(&Sensors::default(), 1, 0);
-        let many: Vec<_> = (1..=12)
-            .rev()
-            .map(|k| van(f64::from(k) * 5.0, 0.0))
-            .collect();
-        let mut seen: Vec<_> = scan(&mut detector, 0, &trucks, &many)
-            .iter()
-            .map(|r| r.position_x_m)
-            .collect();
+        let many: Vec<_> = (1..=12).rev().map(|k| van(f64::from(k) * 5.0, 0.0)).collect();
+        let mut seen: Vec<_> =
+            scan(&mut detector, 0, &trucks, &many).iter().map(|r| r.position_x_m).collect();
         seen.sort_by(f64::total_cmp);
         assert_eq!(seen, [5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0]);
     }
 
     #[test]
     fn noise_is_off_by_default_and_scales() {
-        let snapshot = Snapshot {
-            time_ns: 1_000_000,
-            ..Snapshot::default()
-        };
+        let snapshot = Snapshot { time_ns: 1_000_000, ..Snapshot::default() };
         let solve = |noise| {
-            let sensors = Sensors {
-                noise,
-                ..Sensors::default()
-            };
-            Navigation::new(&sensors, 5, 0)
-                .solve(&snapshot)
-                .position_x_m
+            let sensors = Sensors { noise, ..Sensors::default() };
+            Navigation::new(&sensors, 5, 0).solve(&snapshot).position_x_m
         };
         assert_eq!(solve(0.0), 0.0);
         assert!(solve(1.0) != 0.0 && (solve(2.0) / solve(1.0) - 2.0).abs() < 1e-12);

@@ -105,17 +105,8 @@ pub struct Truck {
 impl Truck {
     /// A truck rolling straight ahead at `forward_mps`, without drive force.
     pub fn new(parameters: TruckParameters, x_m: f64, y_m: f64, forward_mps: f64) -> Self {
-        let state = TruckState {
-            forward_mps,
-            x_m,
-            y_m,
-            ..TruckState::default()
-        };
-        let mut truck = Self {
-            parameters,
-            state,
-            acceleration: BodyAcceleration::default(),
-        };
+        let state = TruckState { forward_mps, x_m, y_m, ..TruckState::default() };
+        let mut truck = Self { parameters, state, acceleration: BodyAcceleration::default() };
         truck.acceleration = truck.body_acceleration(&Command::default());
         truck
     }
@@ -195,11 +186,7 @@ impl Truck {
     /// The equations of motion at the top of this file.
     fn rate(&self, state: &TruckState, command: &Command) -> TruckState {
         let p = &self.parameters;
-        let (u, v, r) = (
-            state.forward_mps.max(0.0),
-            state.lateral_mps,
-            state.yaw_radps,
-        );
+        let (u, v, r) = (state.forward_mps.max(0.0), state.lateral_mps, state.yaw_radps);
         let (sin, cos) = (libm::sin(state.steer_rad), libm::cos(state.steer_rad));
         let (front, rear) = self.axle_forces(state, sin, cos);
         let front_left_n = front.along_n * sin + front.across_n * cos;
@@ -230,11 +217,7 @@ impl Truck {
     /// brake nor a drive force below the rolling resistance pushes: the wheels are held.
     fn axle_forces(&self, state: &TruckState, sin: f64, cos: f64) -> (WheelForce, WheelForce) {
         let p = &self.parameters;
-        let (u, v, r) = (
-            state.forward_mps.max(0.0),
-            state.lateral_mps,
-            state.yaw_radps,
-        );
+        let (u, v, r) = (state.forward_mps.max(0.0), state.lateral_mps, state.yaw_radps);
         let rolls = u > 0.0 || state.force_n > p.resistance_n(0.0);
         let force_n = if rolls { state.force_n } else { 0.0 };
         let (front_load_n, rear_load_n) = self.axle_loads(force_n, u);

@@ -72,14 +72,7 @@ impl Tap {
     fn frame(&mut self, bus: usize, tx: bool, stamp_ns: u64, frame: platoon_dbc::Frame) {
         let (bus, time_ns, tick) = (bus as u8, self.time_ns, self.tick);
         if let Some(recorder) = self.recorder.as_mut().filter(|_| self.open) {
-            recorder.push(FrameRecord {
-                bus,
-                time_ns,
-                stamp_ns,
-                tick,
-                tx,
-                frame,
-            });
+            recorder.push(FrameRecord { bus, time_ns, stamp_ns, tick, tx, frame });
         }
     }
 }
@@ -182,10 +175,7 @@ impl TruckNode {
                 return None;
             }
         };
-        if !matches!(
-            message,
-            Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_)
-        ) {
+        if !matches!(message, Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_)) {
             counts.unknown += 1;
             return None;
         }

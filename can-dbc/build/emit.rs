@@ -21,11 +21,7 @@ pub(crate) fn code(contract: &Contract) -> String {
 }
 
 fn enumeration_code(enumeration: &Enumeration) -> String {
-    let Enumeration {
-        name,
-        comment,
-        variants,
-    } = enumeration;
+    let Enumeration { name, comment, variants } = enumeration;
     let lines = |line: &dyn Fn(&(i64, String, String)) -> String| -> String {
         variants.iter().map(line).collect()
     };
@@ -49,35 +45,15 @@ fn enumeration_code(enumeration: &Enumeration) -> String {
 }
 
 fn struct_code(message: &Message) -> String {
-    let Message {
-        name,
-        comment,
-        sender,
-        id,
-        length,
-        cycle_time_ms,
-        ..
-    } = message;
+    let Message { name, comment, sender, id, length, cycle_time_ms, .. } = message;
     let mut out = format!(
         "/// {comment}\n///\n\
          /// Sent by {sender} as 0x{id:08X}, {length} bytes, every {cycle_time_ms} ms.\n///\n\
          /// | signal | bits | factor | range | unit |\n/// |---|---|---|---|---|\n"
     );
-    let one_page = message
-        .pages
-        .as_ref()
-        .map_or(message.signals.len(), |p| p.first + p.stride);
+    let one_page = message.pages.as_ref().map_or(message.signals.len(), |p| p.first + p.stride);
     for signal in &message.signals[..one_page] {
-        let Signal {
-            name,
-            start_bit,
-            size,
-            factor,
-            min,
-            max,
-            unit,
-            ..
-        } = signal;
+        let Signal { name, start_bit, size, factor, min, max, unit, .. } = signal;
         let sign = if signal.signed { "i" } else { "u" };
         let _ = writeln!(
             out,
@@ -85,18 +61,10 @@ fn struct_code(message: &Message) -> String {
             start_bit + size
         );
     }
-    let _ = write!(
-        out,
-        "#[derive(Clone, Copy, Debug, PartialEq)]\npub struct {name} {{\n"
-    );
+    let _ = write!(out, "#[derive(Clone, Copy, Debug, PartialEq)]\npub struct {name} {{\n");
     for field in &message.fields {
         let comment = field_comment(message, field);
-        let _ = writeln!(
-            out,
-            "/// {comment}\npub {}: {},",
-            field.name,
-            field_type(field)
-        );
+        let _ = writeln!(out, "/// {comment}\npub {}: {},", field.name, field_type(field));
     }
     out + "}\n\n"
 }
@@ -104,11 +72,7 @@ fn struct_code(message: &Message) -> String {
 /// A paged field speaks for all pages, so the page number leaves its comment.
 fn field_comment(message: &Message, field: &Field) -> String {
     let comment = &message.signals[field.signal].comment;
-    if field.is_paged {
-        comment.replace("slot 0", "the slot")
-    } else {
-        comment.clone()
-    }
+    if field.is_paged { comment.replace("slot 0", "the slot") } else { comment.clone() }
 }
 
 fn field_type(field: &Field) -> &str {
@@ -120,41 +84,16 @@ fn field_type(field: &Field) -> &str {
 }
 
 fn impl_code(index: usize, message: &Message) -> String {
-    let Message {
-        name,
-        id,
-        length,
-        cycle_time_ms,
-        e2e_data_id,
-        pages,
-        ..
-    } = message;
+    let Message { name, id, length, cycle_time_ms, e2e_data_id, pages, .. } = message;
     let signals = signals_name(message);
     let reads_payload = |field: &Field| !is_multiplexor(message, field);
-    let encoded: String = message
-        .fields
-        .iter()
-        .map(|f| encode_line(message, f))
-        .collect();
-    let decoded: String = message
-        .fields
-        .iter()
-        .filter(|f| reads_payload(f))
-        .map(|f| decode_line(f, pages))
-        .collect();
-    let started: String = message
-        .fields
-        .iter()
-        .map(|f| start_line(message, f))
-        .collect();
+    let encoded: String = message.fields.iter().map(|f| encode_line(message, f)).collect();
+    let decoded: String =
+        message.fields.iter().filter(|f| reads_payload(f)).map(|f| decode_line(f, pages)).collect();
+    let started: String = message.fields.iter().map(|f| start_line(message, f)).collect();
     let (encode_page, decode_page, page_field) = match pages {
         None => (String::new(), String::new(), String::new()),
-        Some(Pages {
-            multiplexor,
-            first,
-            stride,
-            ..
-        }) => {
+        Some(Pages { multiplexor, first, stride, .. }) => {
             let page = &message.fields.iter().find(|f| is_multiplexor(message, f));
             let page = page.map_or("", |field| field.name.as_str());
             (
@@ -237,10 +176,7 @@ fn start_line(message: &Message, field: &Field) -> String {
     let (name, raw) = (&field.name, signal.raw_start);
     match &field.kind {
         FieldKind::Physical => {
-            format!(
-                "{name}: {:?},\n",
-                raw as f64 * signal.factor + signal.offset
-            )
+            format!("{name}: {:?},\n", raw as f64 * signal.factor + signal.offset)
         }
         FieldKind::Integer(_) => format!("{name}: {raw},\n"),
         FieldKind::Enumeration(kind) => {
@@ -257,36 +193,11 @@ fn signals_name(message: &Message) -> String {
 
 fn signals_code(message: &Message) -> String {
     let count = message.signals.len();
-    let mut out = format!(
-        "static {}: [SignalInfo; {count}] = [\n",
-        signals_name(message)
-    );
+    let mut out = format!("static {}: [SignalInfo; {count}] = [\n", signals_name(message));
     for signal in &message.signals {
-        let Signal {
-            name,
-            start_bit,
-            size,
-            signed,
-            factor,
-            offset,
-            min,
-            max,
-            ..
-        } = signal;
-        let Signal {
-            raw_min,
-            raw_max,
-            raw_start,
-            unit,
-            comment,
-            values,
-            ..
-        } = signal;
-        let Signal {
-            page,
-            is_multiplexor,
-            ..
-        } = signal;
+        let Signal { name, start_bit, size, signed, factor, offset, min, max, .. } = signal;
+        let Signal { raw_min, raw_max, raw_start, unit, comment, values, .. } = signal;
+        let Signal { page, is_multiplexor, .. } = signal;
         let _ = writeln!(
             out,
             "SignalInfo {{ name: {name:?}, start_bit: {start_bit}, size: {size}, \
@@ -301,11 +212,7 @@ fn signals_code(message: &Message) -> String {
 
 fn message_enum_code(contract: &Contract) -> String {
     let lines = |line: &dyn Fn(&str, &Message) -> String| -> String {
-        contract
-            .messages
-            .iter()
-            .map(|message| line(&message.name, message))
-            .collect()
+        contract.messages.iter().map(|message| line(&message.name, message)).collect()
     };
     format!(
         "/// Any message of the contract.\n\
@@ -338,20 +245,9 @@ fn table_code(contract: &Contract) -> String {
          pub static MESSAGES: &[MessageInfo] = &[\n",
     );
     for message in &contract.messages {
-        let Message {
-            name,
-            id,
-            length,
-            cycle_time_ms,
-            e2e_data_id,
-            sender,
-            comment,
-            ..
-        } = message;
-        let (signals, pages) = (
-            signals_name(message),
-            message.pages.as_ref().map_or(1, |p| p.count),
-        );
+        let Message { name, id, length, cycle_time_ms, e2e_data_id, sender, comment, .. } = message;
+        let (signals, pages) =
+            (signals_name(message), message.pages.as_ref().map_or(1, |p| p.count));
         let _ = writeln!(
             out,
             "MessageInfo {{ name: {name:?}, id: 0x{id:08X}, length: {length}, \

@@ -102,10 +102,7 @@ impl Contract {
         if !dbc.signal_extended_value_type_list.is_empty() {
             return Err("SIG_VALTYPE_: float signals are not generated; scale an integer".into());
         }
-        let mut contract = Self {
-            messages: Vec::new(),
-            enumerations: Vec::new(),
-        };
+        let mut contract = Self { messages: Vec::new(), enumerations: Vec::new() };
         for message in &dbc.messages {
             let read = contract.read_message(&dbc, message);
             let message = read.map_err(|why| format!("message {}: {why}", message.name))?;
@@ -115,9 +112,7 @@ impl Contract {
                 .find(|other| other.id == message.id || other.e2e_data_id == message.e2e_data_id)
             {
                 let (name, twin) = (&message.name, &twin.name);
-                return Err(format!(
-                    "messages {twin} and {name} share an id or an E2EDataId"
-                ));
+                return Err(format!("messages {twin} and {name} share an id or an E2EDataId"));
             }
             contract.messages.push(message);
         }
@@ -132,10 +127,7 @@ impl Contract {
             return Err("the id has 11 bits; add 0x80000000 for a 29-bit one".into());
         };
         if message.size > 8 && !FD_LENGTHS.contains(&message.size) {
-            return Err(format!(
-                "{} bytes is no CAN FD payload length",
-                message.size
-            ));
+            return Err(format!("{} bytes is no CAN FD payload length", message.size));
         }
         if attribute(dbc, message.id, "VFrameFormat")? != EXTENDED_CAN_FD {
             return Err("VFrameFormat must be ExtendedCAN_FD (15)".into());
@@ -159,10 +151,7 @@ impl Contract {
             cycle_time_ms: positive(dbc, message.id, "GenMsgCycleTime")?,
             e2e_data_id: positive(dbc, message.id, "E2EDataId")?,
             sender: message.transmitter.clone().ok_or("it has no transmitter")?,
-            comment: dbc
-                .message_comment(message.id)
-                .ok_or("it has no CM_")?
-                .to_owned(),
+            comment: dbc.message_comment(message.id).ok_or("it has no CM_")?.to_owned(),
             signals,
             fields,
             pages,
@@ -177,12 +166,7 @@ impl Contract {
     ) -> Result<Vec<Field>, String> {
         let last = pages.map_or(signals.len(), |pages| pages.first + pages.stride);
         let mut fields = Vec::new();
-        for (index, signal) in signals
-            .iter()
-            .enumerate()
-            .take(last)
-            .skip(E2E_SIGNALS.len())
-        {
+        for (index, signal) in signals.iter().enumerate().take(last).skip(E2E_SIGNALS.len()) {
             let base = match signal.page {
                 Some(page) => page_base_name(signal, page)?,
                 // The multiplexor of Obstacle is ObstaclePage; as a field of Obstacle it is `page`.
@@ -192,10 +176,7 @@ impl Contract {
                 None => &signal.name,
             };
             let suffix = names::unit_suffix(&signal.unit).ok_or_else(|| {
-                format!(
-                    "signal {}: no suffix for unit \"{}\"",
-                    signal.name, signal.unit
-                )
+                format!("signal {}: no suffix for unit \"{}\"", signal.name, signal.unit)
             })?;
             fields.push(Field {
                 name: names::snake_case(base) + suffix,
@@ -215,11 +196,8 @@ impl Contract {
     ) -> Result<FieldKind, String> {
         if !signal.values.is_empty() {
             // `Kind_0` alone would be too common a name for a public type.
-            let name = if signal.page.is_some() {
-                format!("{message}{base}")
-            } else {
-                base.to_owned()
-            };
+            let name =
+                if signal.page.is_some() { format!("{message}{base}") } else { base.to_owned() };
             self.add_enumeration(&name, signal)?;
             return Ok(FieldKind::Enumeration(name));
         }
@@ -242,25 +220,16 @@ impl Contract {
         let mut variants = Vec::new();
         for (raw, description) in &signal.values {
             let variant = names::variant(description).ok_or_else(|| {
-                format!(
-                    "signal {}: \"{description}\" makes no Rust name",
-                    signal.name
-                )
+                format!("signal {}: \"{description}\" makes no Rust name", signal.name)
             })?;
             variants.push((*raw, variant, description.clone()));
         }
         variants.sort();
         if !variants.iter().any(|(raw, ..)| *raw == signal.raw_start) {
-            return Err(format!(
-                "signal {}: its start value has no description",
-                signal.name
-            ));
+            return Err(format!("signal {}: its start value has no description", signal.name));
         }
-        let enumeration = Enumeration {
-            name: name.to_owned(),
-            comment: signal.comment.clone(),
-            variants,
-        };
+        let enumeration =
+            Enumeration { name: name.to_owned(), comment: signal.comment.clone(), variants };
         match self.enumerations.iter().find(|other| other.name == name) {
             Some(other) if other.variants == enumeration.variants => Ok(()),
             Some(_) => Err(format!("two different value tables are called {name}")),
@@ -279,20 +248,14 @@ fn read_signal(dbc: &Dbc, message: &DbcMessage, signal: &DbcSignal) -> Result<Si
     let size = u32::try_from(signal.size).unwrap_or(u32::MAX);
     let start_bit = u32::try_from(signal.start_bit).unwrap_or(u32::MAX);
     if size == 0 || u64::from(start_bit) + u64::from(size) > message.size * 8 {
-        return Err(format!(
-            "bits {start_bit}|{size} leave the {} bytes",
-            message.size
-        ));
+        return Err(format!("bits {start_bit}|{size} leave the {} bytes", message.size));
     }
     let is_scaled = signal.factor != 1.0 || signal.offset != 0.0;
     if size > if is_scaled { F64_EXACT_BITS } else { 63 } {
         return Err(format!("{size} bits do not fit the codec's number"));
     }
     if !(signal.factor.is_finite() && signal.factor > 0.0 && signal.offset.is_finite()) {
-        return Err(format!(
-            "factor {} and offset {}",
-            signal.factor, signal.offset
-        ));
+        return Err(format!("factor {} and offset {}", signal.factor, signal.offset));
     }
     let (page, is_multiplexor) = match signal.multiplexer_indicator {
         MultiplexIndicator::Plain => (None, false),
@@ -302,9 +265,7 @@ fn read_signal(dbc: &Dbc, message: &DbcMessage, signal: &DbcSignal) -> Result<Si
             return Err("nested multiplexing is not generated".into());
         }
     };
-    let values = dbc
-        .value_descriptions_for_signal(message.id, &signal.name)
-        .unwrap_or_default();
+    let values = dbc.value_descriptions_for_signal(message.id, &signal.name).unwrap_or_default();
     let mut read = Signal {
         name: signal.name.clone(),
         start_bit,
@@ -318,14 +279,8 @@ fn read_signal(dbc: &Dbc, message: &DbcMessage, signal: &DbcSignal) -> Result<Si
         raw_max: 0,
         raw_start: start_value(dbc, message.id, &signal.name)?,
         unit: signal.unit.clone(),
-        comment: dbc
-            .signal_comment(message.id, &signal.name)
-            .ok_or("it has no CM_")?
-            .to_owned(),
-        values: values
-            .iter()
-            .map(|value| (value.id, value.description.clone()))
-            .collect(),
+        comment: dbc.signal_comment(message.id, &signal.name).ok_or("it has no CM_")?.to_owned(),
+        values: values.iter().map(|value| (value.id, value.description.clone())).collect(),
         page,
         is_multiplexor,
     };
@@ -336,10 +291,7 @@ fn read_signal(dbc: &Dbc, message: &DbcMessage, signal: &DbcSignal) -> Result<Si
 /// Raw limits from the physical ones, cut to what the bits can hold.
 fn set_raw_range(signal: &mut Signal) -> Result<(), String> {
     let (low, high) = if signal.signed {
-        (
-            -(1_i64 << (signal.size - 1)),
-            (1_i64 << (signal.size - 1)) - 1,
-        )
+        (-(1_i64 << (signal.size - 1)), (1_i64 << (signal.size - 1)) - 1)
     } else {
         (0, i64::MAX >> (63 - signal.size))
     };
@@ -354,9 +306,7 @@ fn set_raw_range(signal: &mut Signal) -> Result<(), String> {
     }
     if signal.raw_min < low || signal.raw_max > high || signal.raw_min > signal.raw_max {
         let (min, max, size) = (signal.min, signal.max, signal.size);
-        return Err(format!(
-            "range [{min}|{max}] does not fit {size} bits at this factor"
-        ));
+        return Err(format!("range [{min}|{max}] does not fit {size} bits at this factor"));
     }
     // So that what decodes also encodes, the limits are at least those of the raw range.
     let physical_of = |raw: i64| raw as f64 * signal.factor + signal.offset;
@@ -375,9 +325,7 @@ fn check_layout(signals: &[Signal]) -> Result<(), String> {
             signal.name == name && (signal.start_bit, signal.size) == (start_bit, size)
         });
         if !fits {
-            return Err(format!(
-                "{name} must be at {start_bit}|{size} (E2E Profile 5, offset 0)"
-            ));
+            return Err(format!("{name} must be at {start_bit}|{size} (E2E Profile 5, offset 0)"));
         }
     }
     for (index, signal) in signals.iter().enumerate() {
@@ -387,10 +335,7 @@ fn check_layout(signals: &[Signal]) -> Result<(), String> {
             let other_end_bit = other.start_bit + other.size;
             shares_frame && other.start_bit < end_bit && signal.start_bit < other_end_bit
         }) {
-            return Err(format!(
-                "signals {} and {} overlap",
-                signal.name, other.name
-            ));
+            return Err(format!("signals {} and {} overlap", signal.name, other.name));
         }
     }
     Ok(())
@@ -404,10 +349,7 @@ fn find_pages(signals: &[Signal]) -> Result<Option<Pages>, String> {
     let multiplexor = signals.iter().position(|signal| signal.is_multiplexor);
     let multiplexor = multiplexor.ok_or("it has mN signals but no multiplexor M")?;
     let paged = &signals[first..];
-    let stride = paged
-        .iter()
-        .filter(|signal| signal.page == paged[0].page)
-        .count();
+    let stride = paged.iter().filter(|signal| signal.page == paged[0].page).count();
     for (index, signal) in paged.iter().enumerate() {
         let page = (index / stride) as u64;
         let model = &paged[index % stride];
@@ -418,36 +360,21 @@ fn find_pages(signals: &[Signal]) -> Result<Option<Pages>, String> {
             && (signal.factor, signal.offset, &signal.unit, &signal.values)
                 == (model.factor, model.offset, &model.unit, &model.values);
         if !alike {
-            return Err(format!(
-                "signal {}: pages must be alike and count from 0",
-                signal.name
-            ));
+            return Err(format!("signal {}: pages must be alike and count from 0", signal.name));
         }
     }
     let count = paged.len() / stride;
     if !paged.len().is_multiple_of(stride) || signals[multiplexor].raw_max + 1 != count as i64 {
-        return Err(format!(
-            "the multiplexor's range must be its {count} whole pages"
-        ));
+        return Err(format!("the multiplexor's range must be its {count} whole pages"));
     }
-    Ok(Some(Pages {
-        multiplexor,
-        first,
-        stride,
-        count,
-    }))
+    Ok(Some(Pages { multiplexor, first, stride, count }))
 }
 
 /// `Kind_3` of page 3 is the page's `Kind`.
 fn page_base_name(signal: &Signal, page: u64) -> Result<&str, String> {
     let suffix = format!("_{page}");
     let base = signal.name.strip_suffix(suffix.as_str());
-    base.ok_or_else(|| {
-        format!(
-            "signal {}: in page {page} it must end in {suffix}",
-            signal.name
-        )
-    })
+    base.ok_or_else(|| format!("signal {}: in page {page} it must end in {suffix}", signal.name))
 }
 
 fn start_value(dbc: &Dbc, id: MessageId, signal: &str) -> Result<i64, String> {
@@ -467,9 +394,7 @@ fn positive(dbc: &Dbc, id: MessageId, name: &str) -> Result<u64, String> {
 
 fn attribute(dbc: &Dbc, id: MessageId, name: &str) -> Result<i64, String> {
     let value = dbc.resolved_message_attribute(id, name);
-    value
-        .and_then(integer)
-        .ok_or_else(|| format!("attribute {name} is missing or no integer"))
+    value.and_then(integer).ok_or_else(|| format!("attribute {name} is missing or no integer"))
 }
 
 fn integer(value: &AttributeValue) -> Option<i64> {

@@ -26,11 +26,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             Some(("decode", rest)) => decode(rest),
             _ => Err(format!("{line}: begin with encode or decode").into()),
         };
-        writeln!(
-            out,
-            "{}",
-            answer.unwrap_or_else(|why| format!("refused {why}"))
-        )?;
+        writeln!(out, "{}", answer.unwrap_or_else(|why| format!("refused {why}")))?;
     }
     Ok(())
 }
@@ -42,10 +38,7 @@ fn encode(line: &str) -> Answer {
     let name = words.next().ok_or("no message")?;
     let counter = words.next().ok_or("no counter")?.parse()?;
     let signals = words
-        .map(|word| {
-            word.split_once('=')
-                .ok_or_else(|| format!("{word}: no value"))
-        })
+        .map(|word| word.split_once('=').ok_or_else(|| format!("{word}: no value")))
         .collect::<Result<HashMap<_, _>, _>>()?;
     let frame = message(name, &Given(&signals))?.encode(counter)?;
     let mut answer = format!("{:08X} ", frame.id());
@@ -61,12 +54,7 @@ fn decode(line: &str) -> Answer {
         .step_by(2)
         .map(|at| u8::from_str_radix(data.get(at..at + 2).unwrap_or("odd length"), 16))
         .collect::<Result<Vec<_>, _>>()?;
-    let flags = FrameFlags {
-        is_extended: true,
-        is_fd: true,
-        brs: true,
-        ..FrameFlags::default()
-    };
+    let flags = FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
     let frame = Frame::new(u32::from_str_radix(id, 16)?, flags, &data)?;
     let (message, counter) = Message::decode(&frame)?;
     if message.encode(counter)? != frame {
@@ -76,10 +64,7 @@ fn decode(line: &str) -> Answer {
     let info = decode_signals(&frame, &mut |signal, _, physical| {
         signals += &format!(" {}={physical:?}", signal.name);
     });
-    Ok(format!(
-        "{} {counter}{signals}",
-        info.ok_or("not in the DBC")?.name
-    ))
+    Ok(format!("{} {counter}{signals}", info.ok_or("not in the DBC")?.name))
 }
 
 /// The values of one line by signal name.
@@ -87,12 +72,8 @@ struct Given<'a>(&'a HashMap<&'a str, &'a str>);
 
 impl Given<'_> {
     fn get<T: std::str::FromStr>(&self, signal: &str) -> Result<T, String> {
-        let text = self
-            .0
-            .get(signal)
-            .ok_or_else(|| format!("{signal} is missing"))?;
-        text.parse()
-            .map_err(|_| format!("{signal}: {text} does not fit"))
+        let text = self.0.get(signal).ok_or_else(|| format!("{signal} is missing"))?;
+        text.parse().map_err(|_| format!("{signal}: {text} does not fit"))
     }
 
     fn one_of<T>(&self, signal: &str, from_raw: fn(i64) -> Option<T>) -> Result<T, String> {

@@ -14,11 +14,7 @@ static STOP: AtomicBool = AtomicBool::new(false);
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let lease = PortLease::acquire(Udp::FIRST_PORT)?;
     let group = Udp::group_of_bus(0);
-    let mut bus = Udp::join(UdpOptions {
-        group,
-        port: lease.port(),
-        tag: "truck0",
-    })?;
+    let mut bus = Udp::join(UdpOptions { group, port: lease.port(), tag: "truck0" })?;
     println!("listening {group} {}", lease.port());
     std::thread::spawn(|| {
         // The end of the input, however it comes, is the sign to stop.
@@ -40,11 +36,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn answer(frame: &Frame, counter: &mut u8) -> Result<Frame, Box<dyn std::error::Error>> {
     if let Ok((Message::EgoState(state), _)) = Message::decode(frame) {
         *counter = counter.wrapping_add(1);
-        let command = Actuation {
-            answers_tick: state.tick,
-            force_n: -250.5,
-            ..Actuation::default()
-        };
+        let command =
+            Actuation { answers_tick: state.tick, force_n: -250.5, ..Actuation::default() };
         return Ok(command.encode(*counter)?);
     }
     let (id, flags) = (frame.id() ^ 1, frame.flags());

@@ -38,10 +38,7 @@ pub struct BusTiming {
 impl Default for BusTiming {
     /// 500 kbit/s and 2 Mbit/s, the usual pair of J1939-17 and J1939-22 and that of `platoon.dbc`.
     fn default() -> Self {
-        Self {
-            nominal_hz: 500_000,
-            data_hz: 2_000_000,
-        }
+        Self { nominal_hz: 500_000, data_hz: 2_000_000 }
     }
 }
 
@@ -78,11 +75,7 @@ impl BusTiming {
 
 /// Stuff count, CRC and fixed stuff bits of an FD frame.
 fn crc_bits(length: usize) -> u64 {
-    if length <= SHORT_CRC_LENGTH {
-        SHORT_CRC_BITS
-    } else {
-        LONG_CRC_BITS
-    }
+    if length <= SHORT_CRC_LENGTH { SHORT_CRC_BITS } else { LONG_CRC_BITS }
 }
 
 /// Bits of a frame by the rate they are sent at.
@@ -112,22 +105,12 @@ impl FrameBits {
         stream.put(u32::from(flags.esi), 1);
         put_data(&mut stream, frame);
         // A fixed stuff bit follows the data, so a run that ends there needs no other.
-        let crc = if frame.length() <= SHORT_CRC_LENGTH {
-            SHORT_CRC_BITS
-        } else {
-            LONG_CRC_BITS
-        };
+        let crc = if frame.length() <= SHORT_CRC_LENGTH { SHORT_CRC_BITS } else { LONG_CRC_BITS };
         let rest = stream.count - head + crc + CRC_DELIMITER_BITS;
         if flags.brs {
-            Self {
-                nominal: head + TAIL_BITS,
-                fast: rest,
-            }
+            Self { nominal: head + TAIL_BITS, fast: rest }
         } else {
-            Self {
-                nominal: head + rest + TAIL_BITS,
-                fast: 0,
-            }
+            Self { nominal: head + rest + TAIL_BITS, fast: 0 }
         }
     }
 }
@@ -156,10 +139,7 @@ fn put_arbitration(stream: &mut Stream, frame: &Frame) {
 }
 
 fn put_data(stream: &mut Stream, frame: &Frame) {
-    let code = match FD_LENGTHS
-        .iter()
-        .position(|length| *length == frame.length())
-    {
+    let code = match FD_LENGTHS.iter().position(|length| *length == frame.length()) {
         Some(index) => 9 + index as u32,
         None => frame.length() as u32,
     };
@@ -215,12 +195,7 @@ mod tests {
     };
 
     fn fd(length: usize, fill: u8) -> Frame {
-        let flags = FrameFlags {
-            is_extended: true,
-            is_fd: true,
-            brs: true,
-            ..CLASSIC
-        };
+        let flags = FrameFlags { is_extended: true, is_fd: true, brs: true, ..CLASSIC };
         // An identifier that alternates enough to need no stuff bit.
         Frame::new(0x1555_5555, flags, &vec![fill; length]).expect("valid")
     }
@@ -228,20 +203,11 @@ mod tests {
     #[test]
     fn an_fd_frame_without_stuffing_has_the_bits_of_the_standard() {
         // 36 bits up to BRS and 12 after the CRC delimiter; ESI and DLC, data, CRC, delimiter.
-        let expected = FrameBits {
-            nominal: 48,
-            fast: 5 + 256 + 32 + 1,
-        };
+        let expected = FrameBits { nominal: 48, fast: 5 + 256 + 32 + 1 };
         assert_eq!(FrameBits::of(&fd(32, 0x55)), expected);
-        let expected = FrameBits {
-            nominal: 48,
-            fast: 5 + 128 + 27 + 1,
-        };
+        let expected = FrameBits { nominal: 48, fast: 5 + 128 + 27 + 1 };
         assert_eq!(FrameBits::of(&fd(16, 0x55)), expected);
-        assert_eq!(
-            BusTiming::default().frame_time_ns(&fd(32, 0x55)),
-            96_000 + 147_000
-        );
+        assert_eq!(BusTiming::default().frame_time_ns(&fd(32, 0x55)), 96_000 + 147_000);
     }
 
     #[test]
@@ -272,10 +238,7 @@ mod tests {
         // with 29 bits (Davis, Burns, Bril, Lukkien 2007).
         for fill in 0..=255 {
             for (extended, bounds) in [(false, 111..=135), (true, 131..=160)] {
-                let flags = FrameFlags {
-                    is_extended: extended,
-                    ..CLASSIC
-                };
+                let flags = FrameFlags { is_extended: extended, ..CLASSIC };
                 let frame = Frame::new(0x2AA, flags, &[fill; 8]).expect("valid");
                 let bits = FrameBits::of(&frame).nominal;
                 assert!(bounds.contains(&bits), "{fill:02X} {extended}: {bits}");
@@ -314,10 +277,7 @@ mod tests {
     #[test]
     fn a_switch_of_rate_only_moves_bits() {
         let fast = fd(32, 0x33);
-        let flags = FrameFlags {
-            brs: false,
-            ..fast.flags()
-        };
+        let flags = FrameFlags { brs: false, ..fast.flags() };
         let slow = Frame::new(fast.id(), flags, fast.data()).expect("valid");
         let (fast, slow) = (FrameBits::of(&fast), FrameBits::of(&slow));
         assert_eq!(slow.fast, 0);

@@ -58,10 +58,7 @@ pub struct SignalInfo {
 impl SignalInfo {
     /// Name of a raw value, when the DBC gives it one.
     pub fn value_text(&self, raw: i64) -> Option<&'static str> {
-        self.values
-            .iter()
-            .find(|(value, _)| *value == raw)
-            .map(|(_, text)| *text)
+        self.values.iter().find(|(value, _)| *value == raw).map(|(_, text)| *text)
     }
 
     fn read(&self, payload: &Payload) -> i64 {
@@ -235,9 +232,7 @@ pub(crate) fn decode_page(
     let raw = integer(payload, &signals[multiplexor])?;
     let refused = DecodeError::OutOfRange(signals[multiplexor].name);
     let page = usize::try_from(raw).map_err(|_| refused)?;
-    page_window(signals, first, stride, page)
-        .map(|page| (raw, page))
-        .ok_or(refused)
+    page_window(signals, first, stride, page).map(|page| (raw, page)).ok_or(refused)
 }
 
 fn page_window(

@@ -20,10 +20,7 @@ static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_16_IBM_3740);
 /// # Panics
 /// If `data` is shorter than [`HEADER_LENGTH`].
 pub fn protect(data: &mut [u8], data_id: u16, counter: u8) {
-    assert!(
-        data.len() >= HEADER_LENGTH,
-        "a protected payload holds its header"
-    );
+    assert!(data.len() >= HEADER_LENGTH, "a protected payload holds its header");
     data[COUNTER_BYTE] = counter;
     let crc = checksum(data, data_id);
     data[..COUNTER_BYTE].copy_from_slice(&crc.to_le_bytes());
@@ -77,11 +74,7 @@ pub struct SupervisorCounts {
 impl Supervisor {
     /// A supervisor that has seen nothing.
     pub const fn new() -> Self {
-        let counts = SupervisorCounts {
-            seen: 0,
-            repeated: 0,
-            lost: 0,
-        };
+        let counts = SupervisorCounts { seen: 0, repeated: 0, lost: 0 };
         Self { last: None, counts }
     }
 

@@ -71,11 +71,7 @@ impl Frame {
     /// # Errors
     /// [`FrameError`] when the identifier or the length is too large.
     pub fn remote(id: u32, is_extended: bool, length: usize) -> Result<Self, FrameError> {
-        let flags = FrameFlags {
-            is_extended,
-            is_rtr: true,
-            ..FrameFlags::default()
-        };
+        let flags = FrameFlags { is_extended, is_rtr: true, ..FrameFlags::default() };
         Self::build(id, flags, length, &[])
     }
 
@@ -88,13 +84,7 @@ impl Frame {
     ) -> Result<Self, FrameError> {
         // The classes of an error frame use the bits of an extended identifier.
         let is_wide = flags.is_extended || flags.is_error;
-        if id
-            > if is_wide {
-                EXTENDED_ID_MAX
-            } else {
-                STANDARD_ID_MAX
-            }
-        {
+        if id > if is_wide { EXTENDED_ID_MAX } else { STANDARD_ID_MAX } {
             return Err(FrameError::Id);
         }
         let only_classic = flags.is_rtr || flags.is_error;
@@ -107,29 +97,15 @@ impl Frame {
         }
         let mut payload = [0; Self::CAPACITY];
         payload[..data.len()].copy_from_slice(data);
-        Ok(Self {
-            id,
-            flags,
-            length: length as u8,
-            payload,
-        })
+        Ok(Self { id, flags, length: length as u8, payload })
     }
 
     /// An extended FD frame with bit rate switch whose parts the DBC has already vouched for.
     pub(crate) fn sealed(id: u32, length: usize, payload: [u8; Self::CAPACITY]) -> Self {
         debug_assert!(id <= EXTENDED_ID_MAX && length <= Self::CAPACITY);
-        let flags = FrameFlags {
-            is_extended: true,
-            is_fd: true,
-            brs: true,
-            ..FrameFlags::default()
-        };
-        Self {
-            id,
-            flags,
-            length: length as u8,
-            payload,
-        }
+        let flags =
+            FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
+        Self { id, flags, length: length as u8, payload }
     }
 
     /// The identifier: 29 or 11 bits, never a flag. For an error frame, the error classes.
@@ -144,11 +120,7 @@ impl Frame {
 
     /// The data; empty for a remote request.
     pub fn data(&self) -> &[u8] {
-        let length = if self.flags.is_rtr {
-            0
-        } else {
-            usize::from(self.length)
-        };
+        let length = if self.flags.is_rtr { 0 } else { usize::from(self.length) };
         &self.payload[..length]
     }
 
@@ -188,12 +160,7 @@ impl embedded_can::Frame for Frame {
     fn new(id: impl Into<Id>, data: &[u8]) -> Option<Self> {
         let (id, is_extended) = split(id.into());
         let is_fd = data.len() > CLASSIC_CAPACITY;
-        let flags = FrameFlags {
-            is_extended,
-            is_fd,
-            brs: is_fd,
-            ..FrameFlags::default()
-        };
+        let flags = FrameFlags { is_extended, is_fd, brs: is_fd, ..FrameFlags::default() };
         Self::new(id, flags, data).ok()
     }
 
@@ -249,41 +216,15 @@ mod tests {
 
     #[test]
     fn frames_the_standard_does_not_know_are_refused() {
-        let fd = FrameFlags {
-            is_fd: true,
-            ..CLASSIC
-        };
+        let fd = FrameFlags { is_fd: true, ..CLASSIC };
         assert_eq!(Frame::new(0x800, CLASSIC, &[]), Err(FrameError::Id));
-        let extended = FrameFlags {
-            is_extended: true,
-            ..CLASSIC
-        };
+        let extended = FrameFlags { is_extended: true, ..CLASSIC };
         assert_eq!(Frame::new(0x2000_0000, extended, &[]), Err(FrameError::Id));
         assert_eq!(Frame::new(1, CLASSIC, &[0; 9]), Err(FrameError::Length));
         assert_eq!(Frame::new(1, fd, &[0; 9]), Err(FrameError::Length));
         assert_eq!(Frame::new(1, fd, &[0; 65]), Err(FrameError::Length));
-        assert_eq!(
-            Frame::new(
-                1,
-                FrameFlags {
-                    brs: true,
-                    ..CLASSIC
-                },
-                &[]
-            ),
-            Err(FrameError::Flags)
-        );
-        assert_eq!(
-            Frame::new(
-                1,
-                FrameFlags {
-                    is_error: true,
-                    ..fd
-                },
-                &[]
-            ),
-            Err(FrameError::Flags)
-        );
+        assert_eq!(Frame::new(1, FrameFlags { brs: true, ..CLASSIC }, &[]), Err(FrameError::Flags));
+        assert_eq!(Frame::new(1, FrameFlags { is_error: true, ..fd }, &[]), Err(FrameError::Flags));
         assert_eq!(Frame::remote(1, false, 9), Err(FrameError::Length));
     }
 

@@ -11,8 +11,5 @@ pub fn kernel_has_can() -> bool {
     let raw = std::num::NonZeroU32::new(1).map(rustix::net::Protocol::from_raw);
     let can = AddressFamily::from_raw(libc::AF_CAN as u16);
     let result = socket_with(can, SocketType::RAW, SocketFlags::CLOEXEC, raw);
-    !matches!(
-        result,
-        Err(rustix::io::Errno::AFNOSUPPORT | rustix::io::Errno::PROTONOSUPPORT)
-    )
+    !matches!(result, Err(rustix::io::Errno::AFNOSUPPORT | rustix::io::Errno::PROTONOSUPPORT))
 }

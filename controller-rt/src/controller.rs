@@ -34,10 +34,7 @@ impl<S: QpSolver> LawController<S> {
     /// This law, having seen nothing.
     #[must_use]
     pub fn new(law: Law<S>) -> Self {
-        Self {
-            law,
-            memory: Memory::new(),
-        }
+        Self { law, memory: Memory::new() }
     }
 }
 
@@ -51,9 +48,7 @@ impl<S: QpSolver + Send> Controller for LawController<S> {
     }
 
     fn save(&self, out: &mut [u8]) -> Option<usize> {
-        postcard::to_slice(&self.memory, out)
-            .ok()
-            .map(|used| used.len())
+        postcard::to_slice(&self.memory, out).ok().map(|used| used.len())
     }
 
     fn restore(&mut self, bytes: &[u8]) -> bool {

@@ -87,13 +87,7 @@ impl Ecu {
         let times = laps.sent();
         let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
         let miss_cause = self.statistics.count_times(&slot, &times, period_ns);
-        self.record(&TickFacts {
-            slot,
-            times,
-            miss_cause,
-            decision,
-            admitted,
-        }); // record
+        self.record(&TickFacts { slot, times, miss_cause, decision, admitted }); // record
         self.watch_rig(drained.ego, period_ns);
         drained
     }
@@ -128,16 +122,11 @@ impl Ecu {
     /// The mode is `Running` once both a mission and an `EgoState` are there.
     pub fn prepare(&mut self, clock: &dyn Clock) -> Drained {
         let now_ns = clock.now_ns();
-        let (tick, time_ns) = self
-            .picture
-            .ego()
-            .map_or((0, 0), |ego| (ego.tick, ego.bench_time_ns));
+        let (tick, time_ns) =
+            self.picture.ego().map_or((0, 0), |ego| (ego.tick, ego.bench_time_ns));
         let drained = self.drain(tick, time_ns, now_ns);
         let before = self.mode;
-        self.mode = match (
-            self.picture.mission().map(|m| m.run_state),
-            self.picture.ego(),
-        ) {
+        self.mode = match (self.picture.mission().map(|m| m.run_state), self.picture.ego()) {
             (None, _) => EcuMode::Waiting,
             (Some(RunState::Ended), _) => EcuMode::Ended,
             (Some(_), None) => EcuMode::Ready,
@@ -201,15 +190,11 @@ impl Ecu {
             self.mode = EcuMode::Ended;
         }
         let health = health(&self.config, &self.statistics);
-        self.outbox
-            .status_now(&mut *self.bus, clock.now_ns(), self.mode, health);
+        self.outbox.status_now(&mut *self.bus, clock.now_ns(), self.mode, health);
         let (dropped_records, recording_error) = self.recording.finish();
         Report {
             truck: self.config.truck,
-            rate_hz: self
-                .picture
-                .period_ns()
-                .map_or(0.0, |period_ns| 1e9 / period_ns as f64),
+            rate_hz: self.picture.period_ns().map_or(0.0, |period_ns| 1e9 / period_ns as f64),
             ending,
             ticks: self.statistics.ticks(),
             misses: self.statistics.misses(),
@@ -256,10 +241,9 @@ impl Ecu {
 
     fn drain(&mut self, tick: u32, time_ns: u64, now_ns: u64) -> Drained {
         let recording = &mut self.recording;
-        self.inbox
-            .drain(&mut *self.bus, &mut self.picture, now_ns, |received| {
-                recording.frame(received, tick, time_ns);
-            })
+        self.inbox.drain(&mut *self.bus, &mut self.picture, now_ns, |received| {
+            recording.frame(received, tick, time_ns);
+        })
     }
 
     fn step(&mut self, seen: &Observation, laps: &mut Laps<'_>) -> Decision {
@@ -274,11 +258,8 @@ impl Ecu {
             steering_rad: decision.steering_rad,
             plan: plan(decision.outcome),
         });
-        let admitted = self
-            .guard
-            .admit(now_ns, proposal, self.picture.own_motion(now_ns));
-        self.controller
-            .note_applied(admitted.force_n, admitted.steering_rad);
+        let admitted = self.guard.admit(now_ns, proposal, self.picture.own_motion(now_ns));
+        self.controller.note_applied(admitted.force_n, admitted.steering_rad);
         self.statistics.count_guard(admitted.reason);
         admitted
     }
@@ -297,15 +278,9 @@ impl Ecu {
         self.outbox.command(bus, answers_tick, command, status);
         // A truck that does not know where it is says nothing rather than something old.
         if let (Some(decision), Some(ego)) = (decision, self.picture.ego()) {
-            self.outbox
-                .broadcast(bus, slot.time_ns, ego, decision.intended_accel_mps2);
+            self.outbox.broadcast(bus, slot.time_ns, ego, decision.intended_accel_mps2);
         }
-        self.outbox.status(
-            bus,
-            clock_ns,
-            self.mode,
-            health(&self.config, &self.statistics),
-        );
+        self.outbox.status(bus, clock_ns, self.mode, health(&self.config, &self.statistics));
     }
 
     fn record(&mut self, facts: &TickFacts) {
@@ -324,11 +299,7 @@ impl Ecu {
     /// Notices the end of the run.
     fn watch_rig(&mut self, ego_came: bool, period_ns: u64) {
         self.silent_ticks = if ego_came { 0 } else { self.silent_ticks + 1 };
-        if self
-            .picture
-            .mission()
-            .is_some_and(|mission| mission.run_state == RunState::Ended)
-        {
+        if self.picture.mission().is_some_and(|mission| mission.run_state == RunState::Ended) {
             self.mode = EcuMode::Ended;
         } else if self.silent_ticks.saturating_mul(period_ns) >= RIG_SILENT_NS {
             self.mode = EcuMode::Fault;

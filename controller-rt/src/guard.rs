@@ -174,11 +174,7 @@ impl Guard {
     ///
     /// `None` stands for a tick at which the controller could not be asked.
     pub fn admit(&mut self, now_ns: u64, proposal: Option<Proposal>, own: OwnMotion) -> Admitted {
-        let forward_mps = if own.forward_mps.is_finite() {
-            own.forward_mps
-        } else {
-            0.0
-        };
+        let forward_mps = if own.forward_mps.is_finite() { own.forward_mps } else { 0.0 };
         let usable = match proposal {
             _ if !own.trusted => Err(Reason::EgoStale),
             None => Err(Reason::EgoStale),
@@ -192,10 +188,7 @@ impl Guard {
                 ((brake_force_n(forward_mps), p.steering_rad), Reason::NoPlan)
             }
             Ok(p) => ((p.force_n, p.steering_rad), Reason::Passed),
-            Err(reason) => (
-                self.safe_wish(now_ns, own.trusted.then_some(forward_mps)),
-                reason,
-            ),
+            Err(reason) => (self.safe_wish(now_ns, own.trusted.then_some(forward_mps)), reason),
         };
         let admitted = self.limit(now_ns, wish, forward_mps, replaced);
         if usable.is_ok() {
@@ -224,10 +217,7 @@ impl Guard {
         match now_ns.saturating_sub(*self.trusted_ns.get_or_insert(now_ns)) {
             age_ns if age_ns <= HOLD_NS => (self.trusted_force_n, self.trusted_steering_rad),
             age_ns if age_ns <= COAST_END_NS => (0.0, 0.0),
-            _ => (
-                forward_mps.map_or(-MASS_KG * BRAKE_MPS2, brake_force_n),
-                0.0,
-            ),
+            _ => (forward_mps.map_or(-MASS_KG * BRAKE_MPS2, brake_force_n), 0.0),
         }
     }
 
@@ -239,9 +229,8 @@ impl Guard {
         forward_mps: f64,
         replaced: Reason,
     ) -> Admitted {
-        let elapsed_ns = self
-            .admitted_ns
-            .map_or(ELAPSED_MAX_NS, |last| now_ns.saturating_sub(last));
+        let elapsed_ns =
+            self.admitted_ns.map_or(ELAPSED_MAX_NS, |last| now_ns.saturating_sub(last));
         let elapsed_s = elapsed_ns.min(ELAPSED_MAX_NS) as f64 * 1e-9;
         let mut reason = replaced;
         let mut within = |value: f64, low: f64, high: f64, why: Reason| {
@@ -253,21 +242,11 @@ impl Guard {
         };
         let cornering_rad = steering_bound_rad(forward_mps);
         let force_n = within(wish_n, FORCE_MIN_N, FORCE_MAX_N, Reason::Force);
-        let ranged = within(
-            wish_rad,
-            -STEERING_MAX_RAD,
-            STEERING_MAX_RAD,
-            Reason::Steering,
-        );
+        let ranged = within(wish_rad, -STEERING_MAX_RAD, STEERING_MAX_RAD, Reason::Steering);
         let steering_rad = within(ranged, -cornering_rad, cornering_rad, Reason::LateralAccel);
 
         let (step_n, step_rad) = (FORCE_RATE_NPS * elapsed_s, STEERING_RATE_RADPS * elapsed_s);
-        self.force_n = within(
-            force_n,
-            self.force_n - step_n,
-            self.force_n + step_n,
-            Reason::Rate,
-        );
+        self.force_n = within(force_n, self.force_n - step_n, self.force_n + step_n, Reason::Rate);
         self.steering_rad = within(
             steering_rad,
             self.steering_rad - step_rad,
@@ -275,11 +254,7 @@ impl Guard {
             Reason::Rate,
         );
         self.admitted_ns = Some(now_ns);
-        Admitted {
-            force_n: self.force_n,
-            steering_rad: self.steering_rad,
-            reason,
-        }
+        Admitted { force_n: self.force_n, steering_rad: self.steering_rad, reason }
     }
 }
 

@@ -71,15 +71,8 @@ impl Inbox {
     /// An inbox that has received nothing.
     #[must_use]
     pub fn new() -> Self {
-        assert_eq!(
-            MESSAGES.len(),
-            MESSAGE_KINDS,
-            "one supervisor per message of the DBC"
-        );
-        Self {
-            supervisors: [Supervisor::new(); MESSAGE_KINDS],
-            counts: InboxCounts::default(),
-        }
+        assert_eq!(MESSAGES.len(), MESSAGE_KINDS, "one supervisor per message of the DBC");
+        Self { supervisors: [Supervisor::new(); MESSAGE_KINDS], counts: InboxCounts::default() }
     }
 
     /// Totals so far.
@@ -117,9 +110,7 @@ impl Inbox {
             drained.first_arrival.get_or_insert(arrival);
             if let Some(Message::EgoState(ego)) = self.take(&received, picture) {
                 drained.ego = true;
-                drained
-                    .ego_arrival
-                    .get_or_insert((ego.bench_time_ns, arrival));
+                drained.ego_arrival.get_or_insert((ego.bench_time_ns, arrival));
             }
         }
         self.counts.full_drains += 1;
@@ -172,11 +163,7 @@ mod tests {
     use super::*;
 
     fn ego(n: u32) -> EgoState {
-        EgoState {
-            tick: n,
-            bench_time_ns: u64::from(n) * 1_000_000,
-            ..EgoState::default()
-        }
+        EgoState { tick: n, bench_time_ns: u64::from(n) * 1_000_000, ..EgoState::default() }
     }
 
     struct Bench {
@@ -189,12 +176,7 @@ mod tests {
     impl Bench {
         fn new() -> Self {
             let (rig, ecu) = Loopback::pair("loopback0", 1024);
-            Self {
-                rig,
-                ecu,
-                inbox: Inbox::new(),
-                picture: Picture::new(0),
-            }
+            Self { rig, ecu, inbox: Inbox::new(), picture: Picture::new(0) }
         }
 
         fn send(&mut self, frame: Frame) {
@@ -202,8 +184,7 @@ mod tests {
         }
 
         fn drain(&mut self) -> Drained {
-            self.inbox
-                .drain(&mut self.ecu, &mut self.picture, 0, |_| {})
+            self.inbox.drain(&mut self.ecu, &mut self.picture, 0, |_| {})
         }
     }
 
@@ -220,15 +201,7 @@ mod tests {
         let drained = bench.drain();
         assert_eq!((drained.frames, drained.ego), (4, false));
         let counts = bench.inbox.counts();
-        assert_eq!(
-            (
-                counts.crc,
-                counts.malformed,
-                counts.foreign,
-                counts.not_mine
-            ),
-            (1, 1, 1, 1)
-        );
+        assert_eq!((counts.crc, counts.malformed, counts.foreign, counts.not_mine), (1, 1, 1, 1));
         assert_eq!(counts.used, 0);
     }
 
@@ -261,14 +234,7 @@ mod tests {
             bench.send(ego(n).encode(n as u8).expect("in range"));
         }
         let frames = [(); 3].map(|()| bench.drain().frames);
-        assert_eq!(
-            frames,
-            [
-                DRAIN_MAX as u32,
-                DRAIN_MAX as u32,
-                300 - 2 * DRAIN_MAX as u32
-            ]
-        );
+        assert_eq!(frames, [DRAIN_MAX as u32, DRAIN_MAX as u32, 300 - 2 * DRAIN_MAX as u32]);
         assert_eq!(bench.inbox.counts().full_drains, 2);
         assert_eq!(bench.picture.ego().map(|ego| ego.tick), Some(299));
     }
@@ -279,12 +245,7 @@ mod tests {
         bench.send(Frame::new(0x7, FrameFlags::default(), &[]).expect("a frame"));
         bench.send(ego(1).encode(0).expect("in range"));
         let mut ids = Vec::new();
-        let Bench {
-            ecu,
-            inbox,
-            picture,
-            ..
-        } = &mut bench;
+        let Bench { ecu, inbox, picture, .. } = &mut bench;
         inbox.drain(ecu, picture, 0, |received| ids.push(received.frame.id()));
         assert_eq!(ids, [0x7, EgoState::ID]);
     }

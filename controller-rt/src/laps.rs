@@ -53,16 +53,8 @@ impl<'clock> Laps<'clock> {
     /// Starts now, for a tick that was due at `due_ns` on the clock.
     pub fn start(clock: &'clock dyn Clock, due_ns: u64) -> Self {
         let last_ns = clock.now_ns();
-        let times = PhaseTimes {
-            wake_ns: last_ns.saturating_sub(due_ns),
-            ..PhaseTimes::default()
-        };
-        Self {
-            clock,
-            due_ns,
-            last_ns,
-            times,
-        }
+        let times = PhaseTimes { wake_ns: last_ns.saturating_sub(due_ns), ..PhaseTimes::default() };
+        Self { clock, due_ns, last_ns, times }
     }
 
     /// The clock reading of the last lap \[ns\].

@@ -86,12 +86,7 @@ impl Outbox {
         (force_n, steering_rad): (f64, f64),
         actuation_status: ActuationStatus,
     ) {
-        let command = Actuation {
-            answers_tick,
-            force_n,
-            steering_rad,
-            actuation_status,
-        };
+        let command = Actuation { answers_tick, force_n, steering_rad, actuation_status };
         let frame = command.encode(next(&mut self.state.command_counter));
         self.send(bus, frame);
     }
@@ -174,9 +169,7 @@ mod tests {
 
     fn received(bus: &mut Loopback) -> Vec<(Message, u8)> {
         let frames = std::iter::from_fn(|| bus.receive().expect("up"));
-        frames
-            .map(|received| Message::decode(&received.frame).expect("sound"))
-            .collect()
+        frames.map(|received| Message::decode(&received.frame).expect("sound")).collect()
     }
 
     #[test]
@@ -191,9 +184,7 @@ mod tests {
             let sent = received(&mut rig);
             assert_eq!(sent.len(), 100, "{period_ms} ms");
             for (n, (message, counter)) in sent.iter().enumerate() {
-                let Message::V2vOut(state) = message else {
-                    panic!("{message:?}")
-                };
+                let Message::V2vOut(state) = message else { panic!("{message:?}") };
                 assert_eq!((usize::from(state.sequence), usize::from(*counter)), (n, n));
             }
         }
@@ -203,20 +194,13 @@ mod tests {
     fn status_goes_out_every_100_ms_and_saturates() {
         let (mut rig, mut ecu) = Loopback::pair("loopback0", 256);
         let mut outbox = Outbox::new();
-        let health = Health {
-            gain_id: 1,
-            ticks: u64::MAX,
-            misses: u64::MAX,
-            skipped: u64::MAX,
-        };
+        let health = Health { gain_id: 1, ticks: u64::MAX, misses: u64::MAX, skipped: u64::MAX };
         for now_ms in 5_000..6_000 {
             outbox.status(&mut ecu, now_ms * MS, EcuMode::Running, health);
         }
         let sent = received(&mut rig);
         assert_eq!(sent.len(), 10);
-        let Message::EcuStatus(status) = sent[9].0 else {
-            panic!("{:?}", sent[9])
-        };
+        let Message::EcuStatus(status) = sent[9].0 else { panic!("{:?}", sent[9]) };
         assert_eq!((status.misses, status.skipped), (0xFF_FFFF, u16::MAX));
     }
 
@@ -228,11 +212,7 @@ mod tests {
             outbox.command(&mut ecu, 1, (0.0, 0.0), ActuationStatus::Solved);
         }
         outbox.command(&mut ecu, 1, (f64::NAN, 0.0), ActuationStatus::Solved);
-        let expected = OutboxCounts {
-            sent: 1,
-            send_errors: 2,
-            encode_errors: 1,
-        };
+        let expected = OutboxCounts { sent: 1, send_errors: 2, encode_errors: 1 };
         assert_eq!(outbox.counts(), expected);
         drop(rig);
     }

@@ -33,14 +33,7 @@ impl Slot {
     #[must_use]
     pub fn on_time(number: u32, period_ns: u64, clock: &dyn Clock) -> Self {
         let time_ns = u64::from(number) * period_ns;
-        Self {
-            number,
-            time_ns,
-            due_ns: clock.now_ns(),
-            skipped: 0,
-            overslept: 0,
-            overslept_ns: 0,
-        }
+        Self { number, time_ns, due_ns: clock.now_ns(), skipped: 0, overslept: 0, overslept_ns: 0 }
     }
 }
 
@@ -94,8 +87,7 @@ impl Pacer {
             overslept: core::mem::take(&mut self.overslept),
             overslept_ns: core::mem::take(&mut self.overslept_ns),
         };
-        self.lock
-            .creep(slot.skipped.saturating_add(1), self.period_ns);
+        self.lock.creep(slot.skipped.saturating_add(1), self.period_ns);
         Some(slot)
     }
 
@@ -141,10 +133,7 @@ mod tests {
 
     impl FakeClock {
         fn at(now_ns: u64) -> Self {
-            Self {
-                now_ns: Cell::new(now_ns),
-                oversleep_ns: Cell::new(0),
-            }
+            Self { now_ns: Cell::new(now_ns), oversleep_ns: Cell::new(0) }
         }
 
         fn advance(&self, by_ns: u64) {
@@ -158,28 +147,18 @@ mod tests {
         }
 
         fn sleep_until_ns(&self, deadline_ns: u64) {
-            self.now_ns
-                .set(self.now_ns.get().max(deadline_ns) + self.oversleep_ns.take());
+            self.now_ns.set(self.now_ns.get().max(deadline_ns) + self.oversleep_ns.take());
         }
     }
 
     fn pacer() -> Pacer {
         let mut lock = PhaseLock::new();
-        lock.note_ego(
-            0,
-            Arrival {
-                now_ns: OFFSET_NS,
-                stamp_ns: 0,
-            },
-            PERIOD_NS,
-        );
+        lock.note_ego(0, Arrival { now_ns: OFFSET_NS, stamp_ns: 0 }, PERIOD_NS);
         Pacer::new(PERIOD_NS, lock, 0)
     }
 
     fn next(pacer: &mut Pacer, clock: &FakeClock) -> Slot {
-        (0..3)
-            .find_map(|_| pacer.wait(clock))
-            .expect("a slot within three sleeps")
+        (0..3).find_map(|_| pacer.wait(clock)).expect("a slot within three sleeps")
     }
 
     #[test]
@@ -189,10 +168,7 @@ mod tests {
             let slot = next(&mut pacer, &clock);
             assert_eq!((slot.number, slot.skipped), (number, 0));
             assert_eq!(slot.time_ns, u64::from(number) * PERIOD_NS);
-            assert_eq!(
-                clock.now_ns(),
-                OFFSET_NS + u64::from(number) * PERIOD_NS + PERIOD_NS / 2
-            );
+            assert_eq!(clock.now_ns(), OFFSET_NS + u64::from(number) * PERIOD_NS + PERIOD_NS / 2);
         }
     }
 
@@ -234,17 +210,10 @@ mod tests {
         for _ in 0..10 {
             let slot = next(&mut pacer, &clock);
             let now_ns = clock.now_ns();
-            assert!(
-                now_ns - last_ns >= PERIOD_NS / 2,
-                "starts are half a period apart"
-            );
+            assert!(now_ns - last_ns >= PERIOD_NS / 2, "starts are half a period apart");
             last_ns = now_ns;
             total += 1 + slot.skipped;
-            assert_eq!(
-                slot.number + 1,
-                total,
-                "every grid point is run or counted as skipped"
-            );
+            assert_eq!(slot.number + 1, total, "every grid point is run or counted as skipped");
         }
     }
 
@@ -264,14 +233,7 @@ mod tests {
     #[test]
     fn a_pacer_that_joins_late_numbers_its_slots_by_bench_time() {
         let mut lock = PhaseLock::new();
-        lock.note_ego(
-            7 * PERIOD_NS,
-            Arrival {
-                now_ns: 9_000_000,
-                stamp_ns: 0,
-            },
-            PERIOD_NS,
-        );
+        lock.note_ego(7 * PERIOD_NS, Arrival { now_ns: 9_000_000, stamp_ns: 0 }, PERIOD_NS);
         let mut pacer = Pacer::new(PERIOD_NS, lock, 7 * PERIOD_NS);
         assert_eq!(next(&mut pacer, &FakeClock::at(9_000_000)).number, 7);
     }

@@ -76,10 +76,8 @@ impl PhaseLock {
             return;
         }
         let difference = difference_ns(arrival.now_ns, arrival.stamp_ns);
-        self.stamp_to_clock_ns = Some(
-            self.stamp_to_clock_ns
-                .map_or(difference, |known| known.min(difference)),
-        );
+        self.stamp_to_clock_ns =
+            Some(self.stamp_to_clock_ns.map_or(difference, |known| known.min(difference)));
     }
 
     /// Learns from an `EgoState` valid at bench time `bench_ns`.
@@ -157,21 +155,14 @@ mod tests {
 
     /// A frame that arrived at `at_ns` on the clock and was read `wake_ns` later.
     fn read_after(at_ns: u64, wake_ns: u64) -> Arrival {
-        Arrival {
-            now_ns: at_ns + wake_ns,
-            stamp_ns: at_ns + REAL_NS,
-        }
+        Arrival { now_ns: at_ns + wake_ns, stamp_ns: at_ns + REAL_NS }
     }
 
     /// Locked at offset 5 s exactly, with bench time past the lock window.
     fn locked() -> PhaseLock {
         let mut lock = PhaseLock::new();
         for n in 0..=200 {
-            lock.note_ego(
-                n * PERIOD_NS,
-                read_after(5_000_000_000 + n * PERIOD_NS, 0),
-                PERIOD_NS,
-            );
+            lock.note_ego(n * PERIOD_NS, read_after(5_000_000_000 + n * PERIOD_NS, 0), PERIOD_NS);
         }
         assert_eq!(lock.offset_ns(), Some(5_000_000_000));
         lock
@@ -213,10 +204,7 @@ mod tests {
     #[test]
     fn without_stamps_the_first_provisional_offset_stands_and_never_grows() {
         let mut lock = PhaseLock::new();
-        let bare = |now_ns| Arrival {
-            now_ns,
-            stamp_ns: 0,
-        };
+        let bare = |now_ns| Arrival { now_ns, stamp_ns: 0 };
         lock.note_ego(0, bare(5_000_000), PERIOD_NS);
         lock.note_ego(PERIOD_NS, bare(6_500_000), PERIOD_NS);
         lock.note_ego(2 * LOCK_WINDOW_NS as u64, bare(900_000_000), PERIOD_NS);

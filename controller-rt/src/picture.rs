@@ -103,16 +103,15 @@ impl Picture {
     /// The loop's period \[ns\], from the mission.
     #[must_use]
     pub fn period_ns(&self) -> Option<u64> {
-        self.mission
-            .map(|mission| u64::from(mission.loop_period_ns))
+        self.mission.map(|mission| u64::from(mission.loop_period_ns))
     }
 
     /// Takes a sound message in.
     pub fn note(&mut self, message: &Message) -> Noted {
         match message {
-            Message::EgoState(ego) => replace(&mut self.ego, ego, |held| {
-                held.bench_time_ns < ego.bench_time_ns
-            }),
+            Message::EgoState(ego) => {
+                replace(&mut self.ego, ego, |held| held.bench_time_ns < ego.bench_time_ns)
+            }
             Message::V2vState(state) => self.note_v2v(state),
             Message::Obstacle(obstacle) => self.note_obstacle(obstacle),
             Message::Mission(mission) => self.note_mission(mission),
@@ -151,9 +150,7 @@ impl Picture {
             *held = None;
             return Noted::Used;
         }
-        replace(held, obstacle, |held| {
-            held.measured_time_ns <= obstacle.measured_time_ns
-        })
+        replace(held, obstacle, |held| held.measured_time_ns <= obstacle.measured_time_ns)
     }
 
     /// How recent the navigation solution is at `now_ns`; one the sensor disowns is lost.
@@ -190,9 +187,11 @@ impl Picture {
             state.filter(|state| v2v_freshness(state, now_ns) != Freshness::Lost)
         };
         let (leader, predecessor) = (alive(self.leader), alive(self.predecessor));
-        let links = Links {
-            leader: leader.is_some(),
-            predecessor: predecessor.is_some(),
+        let platoon = Platoon {
+            truck: self.truck,
+            own_x_m: ego.position_x_m,
+            hears_leader: leader.is_some(),
+            predecessor_x_m: predecessor.map(|state| state.position_x_m),
         };
         Some(Observation {
             time_ns: now_ns,
@@ -202,7 +201,7 @@ impl Picture {
             predecessor: predecessor.as_ref().map(broadcast),
             obstacles: self.obstacles.map(|held| {
                 let obstacle = held.filter(|held| obstacle_is_alive(held, now_ns))?;
-                seen_obstacle(&obstacle, self.truck, links)
+                seen_obstacle(&obstacle, &platoon)
             }),
         })
     }
@@ -232,12 +231,8 @@ impl Picture {
     #[must_use]
     pub fn restore(truck: u8, mut bytes: &[u8]) -> Option<Self> {
         let mut picture = Self::new(truck);
-        let flags = FrameFlags {
-            is_extended: true,
-            is_fd: true,
-            brs: true,
-            ..FrameFlags::default()
-        };
+        let flags =
+            FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
         while let Some((id, rest)) = bytes.split_first_chunk::<4>() {
             let (length, rest) = rest.split_first()?;
             let (data, rest) = rest.split_at_checked(usize::from(*length))?;
@@ -277,40 +272,46 @@ fn obstacle_is_alive(obstacle: &Obstacle, now_ns: u64) -> bool {
     Freshness::of(age_ns, OBSTACLE_FRESH_NS, OBSTACLE_LOST_NS) != Freshness::Lost
 }
 
-/// Which V2V links of this truck are alive.
+/// This truck's place among the others, as far as it knows.
 #[derive(Debug, Clone, Copy)]
-struct Links {
-    leader: bool,
-    predecessor: bool,
+struct Platoon {
+    truck: u8,
+    own_x_m: f64,
+    /// The leader's V2V lives.
+    hears_leader: bool,
+    /// Where the predecessor is, while its V2V lives.
+    predecessor_x_m: Option<f64>,
+}
+
+impl Platoon {
+    /// Whether keeping a distance to this platoon truck is somebody's business already.
+    ///
+    /// Platoon trucks are kept apart by the coordination layer while their V2V lives; as obstacles
+    /// besides they would push the platoon apart.
+    /// - Leader and predecessor are looked after while their own V2V lives.
+    /// - A truck ahead that is neither is the predecessor's business while that lives and is
+    ///   between. Once the predecessor has passed it, it is in this truck's way.
+    /// - A truck that belongs behind is looked after by itself while it is there.
+    fn looks_after(&self, obstacle: &Obstacle) -> bool {
+        match obstacle.member {
+            NO_MEMBER => false,
+            member if member >= self.truck => obstacle.position_x_m < self.own_x_m,
+            member if member == self.truck - 1 => self.predecessor_x_m.is_some(),
+            0 => self.hears_leader,
+            _ => self.predecessor_x_m.is_some_and(|x_m| x_m < obstacle.position_x_m),
+        }
+    }
 }
 
 /// The obstacle for the law; `None` for an empty page and for a platoon truck that is looked after.
-///
-/// Platoon trucks are kept at a distance by the coordination layer while their V2V lives; as
-/// obstacles besides they would push the platoon apart.
-/// - Leader and predecessor are left out while their own V2V lives, vehicles once it is lost.
-/// - A truck further ahead that is neither is left out while the predecessor's V2V lives:
-///   the predecessor is between, and keeps its own distance.
-/// - Trucks behind are left out always: keeping the distance is theirs.
-fn seen_obstacle(obstacle: &Obstacle, truck: u8, links: Links) -> Option<law::Obstacle> {
+fn seen_obstacle(obstacle: &Obstacle, platoon: &Platoon) -> Option<law::Obstacle> {
     let kind = match obstacle.kind {
         ObstacleKind::None => return None,
         ObstacleKind::Vehicle => law::ObstacleKind::Vehicle,
         ObstacleKind::Pedestrian => law::ObstacleKind::Pedestrian,
         ObstacleKind::Bump => law::ObstacleKind::Bump,
-        ObstacleKind::PlatoonTruck => {
-            let looked_after = match obstacle.member {
-                NO_MEMBER => false,
-                member if member >= truck => true,
-                member if member == truck - 1 => links.predecessor,
-                0 => links.leader,
-                _ => links.predecessor,
-            };
-            if looked_after {
-                return None;
-            }
-            law::ObstacleKind::Vehicle
-        }
+        ObstacleKind::PlatoonTruck if platoon.looks_after(obstacle) => return None,
+        ObstacleKind::PlatoonTruck => law::ObstacleKind::Vehicle,
     };
     Some(law::Obstacle {
         kind,

@@ -35,13 +35,7 @@ impl Recording {
     /// Records truck `truck`'s ECU, if there is a recorder.
     #[must_use]
     pub fn new(recorder: Option<Recorder>, truck: u8) -> Self {
-        Self {
-            recorder,
-            truck,
-            next_snapshot_ns: 0,
-            dropped: 0,
-            owes_snapshot: false,
-        }
+        Self { recorder, truck, next_snapshot_ns: 0, dropped: 0, owes_snapshot: false }
     }
 
     /// Records a frame that was taken from the bus for tick `tick`.
@@ -91,11 +85,8 @@ impl Recording {
             part[..PART_HEADER].copy_from_slice(&[number as u8, parts as u8]);
             part[PART_HEADER..PART_HEADER + payload.len()].copy_from_slice(payload);
             let snapshot = Snapshot::new(&part[..PART_HEADER + payload.len()]).unwrap_or_default();
-            kept &= recorder.push(MemoryRecord {
-                time_ns: slot.time_ns,
-                tick: slot.number,
-                snapshot,
-            });
+            kept &=
+                recorder.push(MemoryRecord { time_ns: slot.time_ns, tick: slot.number, snapshot });
         }
         self.owes_snapshot = !kept;
         // A drop of its own must not count as a new one.
@@ -118,10 +109,7 @@ impl Recording {
 pub fn join_snapshot(parts: &[MemoryRecord]) -> Option<Vec<u8>> {
     let mut joined = Vec::with_capacity(parts.len() * PART_BYTES);
     for (number, record) in parts.iter().enumerate() {
-        let (header, payload) = record
-            .snapshot
-            .as_bytes()
-            .split_first_chunk::<PART_HEADER>()?;
+        let (header, payload) = record.snapshot.as_bytes().split_first_chunk::<PART_HEADER>()?;
         if *header != [u8::try_from(number).ok()?, u8::try_from(parts.len()).ok()?] {
             return None;
         }
@@ -147,13 +135,7 @@ pub struct TickFacts {
 
 impl TickFacts {
     fn record(&self, truck: u8) -> TickRecord {
-        let Self {
-            slot,
-            times,
-            miss_cause,
-            decision,
-            admitted,
-        } = self;
+        let Self { slot, times, miss_cause, decision, admitted } = self;
         let short = |took_ns: u64| u32::try_from(took_ns).unwrap_or(u32::MAX);
         let record = TickRecord {
             time_ns: slot.time_ns,
@@ -193,12 +175,8 @@ fn with_decision(record: TickRecord, decision: &Decision) -> TickRecord {
         reference_mps: ucl.v_ref_mps,
         accel_mps2: ucl.accel_mps2,
         leader_error: [ucl.x_own[0], ucl.x_own[1], ucl.x_own[2]].map(|x| x as f32),
-        predecessor_error: [
-            ucl.x_predecessor[0],
-            ucl.x_predecessor[1],
-            ucl.x_predecessor[2],
-        ]
-        .map(|x| x as f32),
+        predecessor_error: [ucl.x_predecessor[0], ucl.x_predecessor[1], ucl.x_predecessor[2]]
+            .map(|x| x as f32),
         leader_age_s: ucl.leader_age_s as f32,
         predecessor_age_s: ucl.predecessor_age_s as f32,
         adaptive_weight: lml.q_ref as f32,
@@ -236,11 +214,7 @@ mod tests {
 
     fn part(bytes: &[u8]) -> MemoryRecord {
         let snapshot = Snapshot::new(bytes).expect("fits");
-        MemoryRecord {
-            time_ns: 0,
-            tick: 0,
-            snapshot,
-        }
+        MemoryRecord { time_ns: 0, tick: 0, snapshot }
     }
 
     #[test]

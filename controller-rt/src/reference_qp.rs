@@ -48,11 +48,7 @@ impl QpSolver for Clarabel {
 /// Finite, of sensible size, with limits in order, and strictly convex.
 fn is_sound(qp: &Qp) -> bool {
     let sensible = |x: &f64| x.abs() <= MAGNITUDE_MAX;
-    qp.hessian
-        .iter()
-        .chain(qp.gradient.iter())
-        .chain(qp.rows.iter())
-        .all(sensible)
+    qp.hessian.iter().chain(qp.gradient.iter()).chain(qp.rows.iter()).all(sensible)
         && qp.lower.iter().zip(&qp.upper).all(|(lower, upper)| {
             lower <= upper && *lower <= MAGNITUDE_MAX && *upper >= -MAGNITUDE_MAX
         })
@@ -70,19 +66,11 @@ struct Row {
 fn solve(qp: &Qp, warm: &mut WorkingSet) -> Solution {
     let (rows, equalities) = rows(qp);
     let limits: Vec<f64> = rows.iter().map(|row| row.side * row.limit).collect();
-    let cones: [SupportedConeT<f64>; 2] = [
-        ZeroConeT(equalities),
-        NonnegativeConeT(rows.len() - equalities),
-    ];
+    let cones: [SupportedConeT<f64>; 2] =
+        [ZeroConeT(equalities), NonnegativeConeT(rows.len() - equalities)];
     let (hessian, matrix) = (upper_triangle(qp), constraint_matrix(qp, &rows));
-    let solver = DefaultSolver::new(
-        &hessian,
-        qp.gradient.as_slice(),
-        &matrix,
-        &limits,
-        &cones,
-        settings(),
-    );
+    let solver =
+        DefaultSolver::new(&hessian, qp.gradient.as_slice(), &matrix, &limits, &cones, settings());
     let Ok(mut solver) = solver else {
         return unsolved(SolveStatus::Infeasible, 0);
     };
@@ -102,23 +90,13 @@ fn solve(qp: &Qp, warm: &mut WorkingSet) -> Solution {
     }
     let products = qp.rows * z;
     let value = |i: usize| {
-        if i < VARIABLES {
-            z[i]
-        } else {
-            products[i - VARIABLES]
-        }
+        if i < VARIABLES { z[i] } else { products[i - VARIABLES] }
     };
     let active = active(qp, value, &multipliers);
-    let bits = active
-        .iter()
-        .fold(0, |bits, active| bits | 1_u128 << active.constraint);
+    let bits = active.iter().fold(0, |bits, active| bits | 1_u128 << active.constraint);
     *warm = WorkingSet::of(active);
-    let report = QpReport {
-        iterations: found.iterations,
-        changes: 0,
-        working_set: bits,
-        kkt_residual,
-    };
+    let report =
+        QpReport { iterations: found.iterations, changes: 0, working_set: bits, kkt_residual };
     Solution { status, z, report }
 }
 
@@ -167,21 +145,13 @@ fn rows(qp: &Qp) -> (Vec<Row>, usize) {
     let mut rows = Vec::with_capacity(2 * CONSTRAINTS);
     let is_equality = |i: usize| qp.upper[i] - qp.lower[i] <= EQUALITY_WIDTH;
     for constraint in (0..CONSTRAINTS).filter(|&i| is_equality(i)) {
-        rows.push(Row {
-            constraint,
-            side: 1.0,
-            limit: qp.upper[constraint],
-        });
+        rows.push(Row { constraint, side: 1.0, limit: qp.upper[constraint] });
     }
     let equalities = rows.len();
     for constraint in (0..CONSTRAINTS).filter(|&i| !is_equality(i)) {
         for (side, limit) in [(1.0, qp.upper[constraint]), (-1.0, qp.lower[constraint])] {
             if limit.abs() <= MAGNITUDE_MAX {
-                rows.push(Row {
-                    constraint,
-                    side,
-                    limit,
-                });
+                rows.push(Row { constraint, side, limit });
             }
         }
     }
@@ -189,17 +159,12 @@ fn rows(qp: &Qp) -> (Vec<Row>, usize) {
 }
 
 fn upper_triangle(qp: &Qp) -> CscMatrix<f64> {
-    columns(
-        VARIABLES,
-        |i, j| if i <= j { qp.hessian[(i, j)] } else { 0.0 },
-    )
+    columns(VARIABLES, |i, j| if i <= j { qp.hessian[(i, j)] } else { 0.0 })
 }
 
 fn constraint_matrix(qp: &Qp, rows: &[Row]) -> CscMatrix<f64> {
     columns(rows.len(), |i, j| {
-        let Row {
-            constraint, side, ..
-        } = rows[i];
+        let Row { constraint, side, .. } = rows[i];
         match constraint.checked_sub(VARIABLES) {
             Some(row) => side * qp.rows[(row, j)],
             None if constraint == j => side,
@@ -227,31 +192,16 @@ fn columns(height: usize, entry: impl Fn(usize, usize) -> f64) -> CscMatrix<f64>
 fn active(qp: &Qp, value: impl Fn(usize) -> f64, multipliers: &[f64; CONSTRAINTS]) -> Vec<Active> {
     let holds = |&i: &usize| {
         let m = multipliers[i];
-        let room = if m > 0.0 {
-            value(i) - qp.lower[i]
-        } else {
-            qp.upper[i] - value(i)
-        };
+        let room = if m > 0.0 { value(i) - qp.lower[i] } else { qp.upper[i] - value(i) };
         m != 0.0 && m.abs() > room
     };
     let mut active: Vec<usize> = (0..CONSTRAINTS).filter(holds).collect();
     active.sort_by(|&i, &j| multipliers[j].abs().total_cmp(&multipliers[i].abs()));
-    let side = |i: usize| Active {
-        constraint: i as u8,
-        upper: multipliers[i] < 0.0,
-    };
+    let side = |i: usize| Active { constraint: i as u8, upper: multipliers[i] < 0.0 };
     active.into_iter().map(side).collect()
 }
 
 fn unsolved(status: SolveStatus, iterations: u32) -> Solution {
-    let report = QpReport {
-        iterations,
-        kkt_residual: f64::INFINITY,
-        ..QpReport::default()
-    };
-    Solution {
-        status,
-        z: Qp::empty().gradient,
-        report,
-    }
+    let report = QpReport { iterations, kkt_residual: f64::INFINITY, ..QpReport::default() };
+    Solution { status, z: Qp::empty().gradient, report }
 }

@@ -87,16 +87,6 @@ pub fn read(bytes: &[u8], truck: u8) -> Option<Saved<'_>> {
         return None;
     }
     let picture = Picture::restore(truck, layout.picture)?;
-    let Layout {
-        guard,
-        outbox,
-        controller,
-        ..
-    } = layout;
-    Some(Saved {
-        guard,
-        outbox,
-        picture,
-        controller,
-    })
+    let Layout { guard, outbox, controller, .. } = layout;
+    Some(Saved { guard, outbox, picture, controller })
 }

@@ -208,10 +208,7 @@ fn largest(times: &PhaseTimes) -> usize {
 }
 
 fn occurred(counts: impl Iterator<Item = (&'static str, u64)>) -> BTreeMap<String, u64> {
-    counts
-        .filter(|&(_, count)| count > 0)
-        .map(|(name, count)| (name.to_owned(), count))
-        .collect()
+    counts.filter(|&(_, count)| count > 0).map(|(name, count)| (name.to_owned(), count)).collect()
 }
 
 #[cfg(test)]
@@ -220,14 +217,8 @@ mod tests {
 
     const PERIOD_NS: u64 = 1_000_000;
 
-    const SLOT: Slot = Slot {
-        number: 0,
-        time_ns: 0,
-        due_ns: 0,
-        skipped: 0,
-        overslept: 0,
-        overslept_ns: 0,
-    };
+    const SLOT: Slot =
+        Slot { number: 0, time_ns: 0, due_ns: 0, skipped: 0, overslept: 0, overslept_ns: 0 };
 
     fn times(wake_ns: u64, qp_ns: u64) -> PhaseTimes {
         PhaseTimes {
@@ -243,15 +234,9 @@ mod tests {
     fn the_deadline_is_the_end_of_the_period_and_not_earlier() {
         let mut statistics = Statistics::new();
         let on_time = times(0, PERIOD_NS - 10);
-        assert_eq!(
-            statistics.count_times(&SLOT, &on_time, PERIOD_NS),
-            MissCause::None
-        );
+        assert_eq!(statistics.count_times(&SLOT, &on_time, PERIOD_NS), MissCause::None);
         let late = times(0, PERIOD_NS - 9);
-        assert_eq!(
-            statistics.count_times(&SLOT, &late, PERIOD_NS),
-            MissCause::Qp
-        );
+        assert_eq!(statistics.count_times(&SLOT, &late, PERIOD_NS), MissCause::Qp);
         assert_eq!((statistics.ticks(), statistics.misses()), (2, 1));
     }
 
@@ -276,30 +261,15 @@ mod tests {
         assert!((wake.p50 - 501.0).abs() < 1.0, "{wake:?}");
         assert!((wake.p99 - 991.0).abs() < 1.5, "{wake:?}");
         assert_eq!(wake.max, 123_456_789.012, "beyond the histogram's range");
-        assert!(
-            statistics.percentiles()["ucl"].max == 0.0,
-            "a phase that never took place"
-        );
+        assert!(statistics.percentiles()["ucl"].max == 0.0, "a phase that never took place");
     }
 
     #[test]
     fn skipped_slots_are_counted_by_cause_and_apart_from_misses() {
         let mut statistics = Statistics::new();
-        let slot = Slot {
-            skipped: 7,
-            overslept: 4,
-            overslept_ns: 4_200_000,
-            ..SLOT
-        };
+        let slot = Slot { skipped: 7, overslept: 4, overslept_ns: 4_200_000, ..SLOT };
         statistics.count_times(&slot, &times(0, 1), PERIOD_NS);
-        assert_eq!(
-            (
-                statistics.ticks(),
-                statistics.misses(),
-                statistics.skipped()
-            ),
-            (1, 0, 7)
-        );
+        assert_eq!((statistics.ticks(), statistics.misses(), statistics.skipped()), (1, 0, 7));
         let expected = [("overrun".to_owned(), 3), ("wake".to_owned(), 4)];
         assert_eq!(statistics.skip_causes(), BTreeMap::from(expected));
     }
@@ -307,12 +277,7 @@ mod tests {
     #[test]
     fn the_wake_up_that_lost_a_slot_is_not_missing_from_the_distribution() {
         let mut statistics = Statistics::new();
-        let slot = Slot {
-            skipped: 4,
-            overslept: 4,
-            overslept_ns: 4_200_000,
-            ..SLOT
-        };
+        let slot = Slot { skipped: 4, overslept: 4, overslept_ns: 4_200_000, ..SLOT };
         statistics.count_times(&slot, &times(100_000, 1), PERIOD_NS);
         assert_eq!(statistics.percentiles()["wake"].max, 4_200.0);
         assert!(statistics.percentiles()["total"].max < 200.0);

@@ -67,9 +67,6 @@ fn a_tick_in_the_steady_state_allocates_nothing() {
     let report = ecu.finish(&clock);
     std::fs::remove_file(&path).expect("ours");
     assert_eq!(worst, 0, "allocations in the worst tick");
-    assert_eq!(
-        (report.ticks, report.qp.solves, report.qp.failures),
-        (2_000, 2_000, 0)
-    );
+    assert_eq!((report.ticks, report.qp.solves, report.qp.failures), (2_000, 2_000, 0));
     assert!(ALLOCATIONS.get() > 0, "the counter counts");
 }

@@ -33,10 +33,7 @@ impl Recording {
     /// A recorder that never drops.
     fn recorder(&self) -> Recorder {
         let overflow = Overflow::Wait;
-        let options = RecorderOptions {
-            overflow,
-            ..RecorderOptions::new(Source::Ecu(1))
-        };
+        let options = RecorderOptions { overflow, ..RecorderOptions::new(Source::Ecu(1)) };
         Recorder::start(&self.0, options).expect("writable")
     }
 
@@ -73,10 +70,7 @@ fn recorded(name: &str) -> Recorded {
             continue;
         }
         clock.set(n * PERIOD_NS + PERIOD_NS / 2);
-        let slot = Slot {
-            skipped,
-            ..Slot::on_time(n as u32, PERIOD_NS, &clock)
-        };
+        let slot = Slot { skipped, ..Slot::on_time(n as u32, PERIOD_NS, &clock) };
         ecu.tick(slot, &clock);
         rig.hear();
         skipped = 0;
@@ -88,30 +82,19 @@ fn recorded(name: &str) -> Recorded {
 
 /// Computes every tick after tick `from` again, from the snapshot taken there.
 fn replayed(recorded: &Recorded, from: u32) -> Recorded {
-    let parts: Vec<MemoryRecord> = recorded
-        .memories
-        .iter()
-        .filter(|part| part.tick == from)
-        .copied()
-        .collect();
+    let parts: Vec<MemoryRecord> =
+        recorded.memories.iter().filter(|part| part.tick == from).copied().collect();
     let snapshot = join_snapshot(&parts).expect("a snapshot");
     let recording = Recording::named("replayed");
     let (mut rig, mut ecu) = follower(Some(recording.recorder()));
     let clock = StillClock::default();
     assert!(ecu.restore(&snapshot));
-    let mut frames = recorded
-        .frames
-        .iter()
-        .filter(|frame| frame.tick > from)
-        .peekable();
+    let mut frames = recorded.frames.iter().filter(|frame| frame.tick > from).peekable();
     for tick in recorded.ticks.iter().filter(|tick| tick.tick > from) {
         while let Some(frame) = frames.next_if(|frame| frame.tick == tick.tick) {
             rig.bus.send(&frame.frame).expect("room");
         }
-        let slot = Slot {
-            skipped: tick.skipped,
-            ..Slot::on_time(tick.tick, PERIOD_NS, &clock)
-        };
+        let slot = Slot { skipped: tick.skipped, ..Slot::on_time(tick.tick, PERIOD_NS, &clock) };
         ecu.tick(slot, &clock);
         rig.hear();
     }
@@ -129,13 +112,7 @@ fn commands_computed_again_from_any_recorded_snapshot_are_the_same_bits() {
         assert_eq!(original.clone().count(), replayed.ticks.len());
         for (tick, again) in original.zip(&replayed.ticks) {
             let bits = |t: &TickRecord| {
-                (
-                    t.tick,
-                    t.force_n.to_bits(),
-                    t.steering_rad.to_bits(),
-                    t.working_set,
-                    t.outcome,
-                )
+                (t.tick, t.force_n.to_bits(), t.steering_rad.to_bits(), t.working_set, t.outcome)
             };
             assert_eq!(bits(tick), bits(again), "replayed from tick {from}");
         }
@@ -146,29 +123,11 @@ fn commands_computed_again_from_any_recorded_snapshot_are_the_same_bits() {
 fn every_tick_is_recorded_with_the_frames_it_consumed() {
     let recorded = recorded("ticks");
     assert_eq!(recorded.ticks.len() as u64, TICKS - 20);
-    assert_eq!(
-        recorded.ticks.iter().map(|tick| tick.skipped).sum::<u32>(),
-        20
-    );
-    let after = recorded
-        .ticks
-        .iter()
-        .find(|tick| tick.skipped > 0)
-        .expect("one tick skipped");
+    assert_eq!(recorded.ticks.iter().map(|tick| tick.skipped).sum::<u32>(), 20);
+    let after = recorded.ticks.iter().find(|tick| tick.skipped > 0).expect("one tick skipped");
     assert_eq!((after.tick, after.time_ns), (10_120, 10_120 * PERIOD_NS));
-    let consumed = recorded
-        .frames
-        .iter()
-        .filter(|frame| frame.tick == after.tick)
-        .count();
-    assert_eq!(
-        consumed,
-        21 + 3,
-        "21 states, V2V at 10.1 and 10.12 s, and an obstacle at 10.1 s"
-    );
-    let snapshots = recorded
-        .memories
-        .iter()
-        .filter(|part| part.snapshot.as_bytes()[0] == 0);
+    let consumed = recorded.frames.iter().filter(|frame| frame.tick == after.tick).count();
+    assert_eq!(consumed, 21 + 3, "21 states, V2V at 10.1 and 10.12 s, and an obstacle at 10.1 s");
+    let snapshots = recorded.memories.iter().filter(|part| part.snapshot.as_bytes()[0] == 0);
     assert_eq!(snapshots.count(), 2, "at the start and at 10 s");
 }

@@ -12,10 +12,7 @@ fn recorded() -> Vec<(Qp, Vec<f64>)> {
         &file[at - n..at]
     };
     let f64s = |bytes: &[u8]| -> Vec<f64> {
-        bytes
-            .chunks_exact(8)
-            .map(|b| f64::from_le_bytes(b.try_into().expect("eight")))
-            .collect()
+        bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight"))).collect()
     };
     let [count, pairs, slots] =
         [(); 3].map(|()| u32::from_le_bytes(take(4).try_into().expect("four")) as usize);
@@ -30,9 +27,7 @@ fn recorded() -> Vec<(Qp, Vec<f64>)> {
             take(4);
             let values = f64s(take(8 * slots));
             let mut flat = template.clone();
-            pairs
-                .chunks_exact(2)
-                .for_each(|pair| flat[pair[0]] = values[pair[1]]);
+            pairs.chunks_exact(2).for_each(|pair| flat[pair[0]] = values[pair[1]]);
             (qp_of(&flat), f64s(take(8 * VARIABLES)))
         })
         .collect()
@@ -55,11 +50,7 @@ fn qp_of(flat: &[f64]) -> Qp {
 }
 
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
-    found
-        .iter()
-        .zip(exact)
-        .map(|(a, b)| (a - b).abs())
-        .fold(0.0, f64::max)
+    found.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 #[test]
@@ -68,11 +59,7 @@ fn clarabel_agrees_with_every_recorded_solution_to_1e_7() {
         let solution = Clarabel.solve(qp, &mut WorkingSet::default());
         assert_eq!(solution.status, SolveStatus::Solved, "QP {number}");
         let error = distance(solution.z.as_slice(), exact);
-        assert!(
-            error < 1e-7,
-            "QP {number}: {error:e}, {:?}",
-            solution.report
-        );
+        assert!(error < 1e-7, "QP {number}: {error:e}, {:?}", solution.report);
     }
 }
 
@@ -114,11 +101,7 @@ fn an_unconstrained_qp_and_an_equality_are_solved() {
     assert_eq!(solution.status, SolveStatus::Solved);
     let mut exact = [1.0; VARIABLES];
     exact[2] = 0.25;
-    assert!(
-        distance(solution.z.as_slice(), &exact) < 1e-7,
-        "{}",
-        solution.z
-    );
+    assert!(distance(solution.z.as_slice(), &exact) < 1e-7, "{}", solution.z);
     assert_eq!(solution.report.working_set, 1 << 2);
 }
 
@@ -148,11 +131,7 @@ fn data_that_is_no_qp_is_infeasible_and_never_a_panic() {
             let mut qp = simple();
             spoil(&mut qp, bad);
             let solution = Clarabel.solve(&qp, &mut WorkingSet::default());
-            assert_eq!(
-                solution.status,
-                SolveStatus::Infeasible,
-                "{bad} in place {number}"
-            );
+            assert_eq!(solution.status, SolveStatus::Infeasible, "{bad} in place {number}");
         }
     }
     let mut indefinite = simple();

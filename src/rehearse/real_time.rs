@@ -1,7 +1,7 @@
 //! A rehearsal in real time: the rig and every ECU are processes of their own, and this one only
 //! starts them, watches them, breaks them where asked, and ends them.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
@@ -12,7 +12,7 @@ use tokio::process::{ChildStdout, Command};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, sleep_until};
-use vcan_setup::floor::{self, Floor, FloorOptions};
+use vcan_setup::floor::{FloorOptions, Sentinel};
 use vcan_setup::realtime::environment;
 
 use super::{Outcome, Plan};
@@ -25,8 +25,6 @@ use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
 
-/// How long the bare machine is measured before the run.
-const FLOOR_TIME: Duration = Duration::from_millis(1500);
 /// How long processes may take to end by themselves once they should.
 const GRACE: Duration = Duration::from_secs(5);
 /// How far ahead of a fault its timer is set \[s\]: more than the time between two progress lines.
@@ -42,27 +40,27 @@ pub(super) fn run(
     bus: &BusChoice,
 ) -> Result<Outcome, Failure> {
     let line = ProgressLine::new(plan.scenario.duration_s);
-    line.say("measuring how late this machine wakes a thread by itself");
-    let floor = measure_floor(plan)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(|error| Failure::cannot_start(format!("cannot supervise processes: {error}")))?;
+    let sentinel = start_sentinel(plan)?;
     let outcome = runtime.block_on(supervise(plan, folder, bus, &line));
     line.clear();
-    outcome.map(|outcome| Outcome {
-        floor: Some(floor),
-        ..outcome
-    })
+    let floor = Some(sentinel.stop());
+    outcome.map(|outcome| Outcome { floor, ..outcome })
 }
 
-fn measure_floor(plan: &Plan<'_>) -> Result<Floor, Failure> {
+/// Measures, beside the run, how late this machine wakes a thread that does nothing else.
+///
+/// It outranks the processes under test, so that none of them can make it late.
+fn start_sentinel(plan: &Plan<'_>) -> Result<Sentinel, Failure> {
     let options = FloorOptions {
         cpus: environment().online_cpus,
         period_ns: 1_000_000_000 / u64::from(plan.args.run.rate_hz),
-        priority: Some(process::ECU_PRIORITY),
+        priority: Some(process::RIG_PRIORITY + 1),
     };
-    floor::measure(&options, FLOOR_TIME).map_err(Failure::cannot_start)
+    Sentinel::start(&options).map_err(Failure::cannot_start)
 }
 
 /// One process of the run.
@@ -90,11 +88,7 @@ struct Crew {
 impl Crew {
     fn new() -> Self {
         let (report_end, ended) = mpsc::unbounded_channel();
-        Self {
-            members: Vec::new(),
-            ended,
-            report_end,
-        }
+        Self { members: Vec::new(), ended, report_end }
     }
 
     /// Starts a process of this program; its standard output when that is wanted.
@@ -113,11 +107,7 @@ impl Crew {
         let mut child = Command::new(program)
             .args(arguments)
             .stdin(Stdio::null())
-            .stdout(if is_rig {
-                Stdio::piped()
-            } else {
-                Stdio::null()
-            })
+            .stdout(if is_rig { Stdio::piped() } else { Stdio::null() })
             .stderr(log)
             // Ctrl-C is for this process alone; it ends the others in order.
             .process_group(0)
@@ -135,12 +125,7 @@ impl Crew {
             // Nobody listening means that the run is over.
             let _ = report_end.send(Ended { member, status });
         });
-        self.members.push(Member {
-            name,
-            truck,
-            pid,
-            running: true,
-        });
+        self.members.push(Member { name, truck, pid, running: true });
         Ok(output)
     }
 
@@ -190,10 +175,8 @@ async fn follow(
         signal(kind)
             .map_err(|error| Failure::cannot_start(format!("cannot catch signals: {error}")))
     };
-    let (mut interrupt, mut terminate) = (
-        listen(SignalKind::interrupt())?,
-        listen(SignalKind::terminate())?,
-    );
+    let (mut interrupt, mut terminate) =
+        (listen(SignalKind::interrupt())?, listen(SignalKind::terminate())?);
     let mut deadline: Option<Instant> = None;
     let mut armed = vec![false; plan.args.fault.len()];
     while crew.anyone_left() {
@@ -272,15 +255,9 @@ fn arm_faults(
         }
         *armed = true;
         outcome.notes.push(format!("fault injected: {fault}"));
-        let Some(pid) = crew
-            .members
-            .iter()
-            .find(|m| m.truck == Some(fault.truck))
-            .map(|m| m.pid)
+        let Some(pid) = crew.members.iter().find(|m| m.truck == Some(fault.truck)).map(|m| m.pid)
         else {
-            outcome
-                .notes
-                .push(format!("truck {} has no process to break", fault.truck));
+            outcome.notes.push(format!("truck {} has no process to break", fault.truck));
             continue;
         };
         let delay = Duration::from_secs_f64((fault.at_s - time_s).max(0.0));
@@ -328,30 +305,37 @@ fn collect(plan: &Plan<'_>, folder: &RunFolder, outcome: &mut Outcome) -> Result
     };
     outcome.notes.extend(rig.recording);
     outcome.results = Some(rig.results);
+    outcome.rig_pace = Some(rig.pace);
     outcome.ecus = rig.hosted;
-    outcome
-        .ecus
-        .extend(separate_ecus(plan).filter_map(|truck| process::ecu_report(folder, truck)));
+    outcome.ecus.extend(separate_ecus(plan).filter_map(|truck| process::ecu_report(folder, truck)));
     outcome.ecus.sort_by_key(|report| report.truck);
+    tidy_up(plan, folder);
     Ok(())
+}
+
+/// Removes what the summary now holds, and logs in which nobody said anything.
+fn tidy_up(plan: &Plan<'_>, folder: &RunFolder) {
+    for name in separate_ecus(plan).map(process::ecu_name).chain([process::rig_name()]) {
+        // What cannot be removed does no harm.
+        let _ = fs::remove_file(folder.process_report(&name));
+        let log = folder.log(&name);
+        if fs::metadata(&log).is_ok_and(|log| log.len() == 0) {
+            let _ = fs::remove_file(log);
+        }
+    }
 }
 
 /// Why the run did not come about: the first process that said something.
 fn last_words(folder: &RunFolder, plan: &Plan<'_>) -> String {
-    let names = separate_ecus(plan)
-        .map(process::ecu_name)
-        .chain([process::rig_name()]);
+    let names = separate_ecus(plan).map(process::ecu_name).chain([process::rig_name()]);
     let mut logs = names.filter_map(|name| {
         let path = folder.log(&name);
-        let text = std::fs::read_to_string(&path).ok()?;
+        let text = fs::read_to_string(&path).ok()?;
         let words = text.lines().rfind(|line| line.starts_with("platoon: "))?;
         Some(format!("{name}: {}", words.trim_start_matches("platoon: ")))
     });
     logs.next().unwrap_or_else(|| {
-        format!(
-            "the rig ended without a word; see {}",
-            folder.log(&process::rig_name()).display()
-        )
+        format!("the rig ended without a word; see {}", folder.log(&process::rig_name()).display())
     })
 }
 
@@ -412,19 +396,12 @@ fn common_arguments(
     cpu: Option<usize>,
 ) -> Vec<String> {
     let mut words = bus.as_arguments();
-    words.extend([
-        "--supervised".into(),
-        "--out".into(),
-        path_word(folder.path()),
-    ]);
+    words.extend(["--supervised".into(), "--out".into(), path_word(folder.path())]);
     words.extend(["--solver".into(), plan.args.solver.word().into()]);
     if let Some(reading) = plan.args.delay_reading {
         words.extend(["--delay-reading".into(), reading.word().into()]);
     }
-    words.extend(
-        cpu.into_iter()
-            .flat_map(|cpu| ["--cpu".into(), cpu.to_string()]),
-    );
+    words.extend(cpu.into_iter().flat_map(|cpu| ["--cpu".into(), cpu.to_string()]));
     words
 }
 

@@ -36,14 +36,8 @@ fn options(plan: &Plan<'_>) -> MergeOptions {
         ("seed".to_owned(), plan.args.run.seed.to_string()),
         ("rate_hz".to_owned(), plan.args.run.rate_hz.to_string()),
         ("solver".to_owned(), plan.args.solver.word().to_owned()),
-        (
-            "time".to_owned(),
-            if plan.is_virtual() { "virtual" } else { "real" }.to_owned(),
-        ),
-        (
-            "arguments".to_owned(),
-            std::env::args().skip(1).collect::<Vec<_>>().join(" "),
-        ),
+        ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
+        ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),
     ]);
     let file = |name: &str, media_type: &str, text: &str| Attachment {
         name: name.into(),
@@ -54,11 +48,7 @@ fn options(plan: &Plan<'_>) -> MergeOptions {
     MergeOptions {
         attachments: vec![
             file("platoon.dbc", "text/plain", platoon_dbc::DBC),
-            file(
-                "scenario.toml",
-                "application/toml",
-                &plan.scenario.to_toml(),
-            ),
+            file("scenario.toml", "application/toml", &plan.scenario.to_toml()),
             file("law.toml", "application/toml", &law),
         ],
         metadata: BTreeMap::from([
@@ -73,9 +63,7 @@ fn notes(report: &MergeReport) -> Vec<String> {
 }
 
 fn part_note(part: &PartReport) -> Option<String> {
-    let name = part
-        .source
-        .map_or_else(|| part.path.display().to_string(), |s| s.to_string());
+    let name = part.source.map_or_else(|| part.path.display().to_string(), |s| s.to_string());
     if let Some(why) = &part.unreadable {
         return Some(format!("{name}: recording lost: {why}"));
     }

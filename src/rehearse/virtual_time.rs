@@ -33,9 +33,7 @@ pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failur
         ecu.prepare(&clock);
     }
     if !rig.ready() {
-        return Err(Failure::cannot_start(
-            "an ECU did not answer its invitation on loopback",
-        ));
+        return Err(Failure::cannot_start("an ECU did not answer its invitation on loopback"));
     }
     rig.start();
     for ecu in &mut ecus {
@@ -44,27 +42,14 @@ pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failur
     let mut ecus: Vec<Option<Ecu>> = ecus.into_iter().map(Some).collect();
     let interrupted = alternate(plan, &mut rig, &mut ecus, &clock, &stop);
     rig.end();
-    let mut outcome = Outcome {
-        interrupted,
-        results: Some(rig.results()),
-        ..Outcome::default()
-    };
+    let mut outcome = Outcome { interrupted, results: Some(rig.results()), ..Outcome::default() };
     for mut ecu in ecus.into_iter().flatten() {
         ecu.prepare(&clock);
         outcome.ecus.push(ecu.finish(&clock));
     }
-    outcome
-        .notes
-        .extend(rig.take_recorder().and_then(recording_loss));
-    outcome
-        .notes
-        .extend(interrupted.then(|| "interrupted".to_owned()));
-    outcome.notes.extend(
-        plan.args
-            .fault
-            .iter()
-            .map(|fault| format!("fault injected: {fault}")),
-    );
+    outcome.notes.extend(rig.take_recorder().and_then(recording_loss));
+    outcome.notes.extend(interrupted.then(|| "interrupted".to_owned()));
+    outcome.notes.extend(plan.args.fault.iter().map(|fault| format!("fault injected: {fault}")));
     Ok(outcome)
 }
 
@@ -80,11 +65,7 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
         let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
         let args = plan.args;
         let law = calibration::controller(plan.calibration, args.solver, args.delay_reading);
-        let config = Config {
-            truck,
-            gain_id: 0,
-            realtime: None,
-        };
+        let config = Config { truck, gain_id: 0, realtime: None };
         ecus.push(Ecu::new(config, Box::new(ecu_end), law, Some(recorder)));
     }
     let names = process::bus_names(&ends);
@@ -134,8 +115,5 @@ fn alternate(
 
 /// The fault that keeps an ECU from ticking now.
 fn stopped(faults: &[Fault], truck: u8, time_s: f64) -> Option<FaultKind> {
-    faults
-        .iter()
-        .find(|fault| fault.stops(truck, time_s))
-        .map(|fault| fault.kind)
+    faults.iter().find(|fault| fault.stops(truck, time_s)).map(|fault| fault.kind)
 }

@@ -12,16 +12,7 @@ use crate::timing::TimingVerdict;
 /// A line under the header and nothing else.
 const RULED: &str = "     ──            ";
 /// Phases of a tick in the order they happen.
-const PHASES: [&str; 8] = [
-    "wake",
-    "drain",
-    "ucl",
-    "lml_build",
-    "qp",
-    "guard",
-    "send",
-    "total",
-];
+const PHASES: [&str; 7] = ["wake", "drain", "ucl", "lml_build", "qp", "guard", "send"];
 const GOOD: Style = AnsiColor::Green.on_default().bold();
 const BAD: Style = AnsiColor::Red.on_default().bold();
 const UNSURE: Style = AnsiColor::Yellow.on_default().bold();
@@ -49,21 +40,10 @@ fn verdict(page: &mut String, summary: &Summary) -> std::fmt::Result {
         "\n{style}{word}{style:#}  {}, seed {}, {} Hz, {:.1} s of bench time in {:.1} s",
         summary.scenario, summary.seed, summary.rate_hz, summary.duration_s, summary.elapsed_s
     )?;
-    writeln!(
-        page,
-        "bus    {} ({})",
-        summary.bus.backend, summary.bus.reason
-    )?;
+    writeln!(page, "bus    {} ({})", summary.bus.backend, summary.bus.reason)?;
     let most = summary.bus.load_percent.iter().copied().fold(0.0, f64::max);
-    let fits = if summary.bus.fits {
-        "fits"
-    } else {
-        "does not fit"
-    };
-    writeln!(
-        page,
-        "       as CAN FD at 500k/2M bit/s: {most:.0} % of the fullest bus, {fits}"
-    )?;
+    let fits = if summary.bus.fits { "fits" } else { "does not fit" };
+    writeln!(page, "       as CAN FD at 500k/2M bit/s: {most:.0} % of the fullest bus, {fits}")?;
     if let (Some(min), Some(max)) = (summary.v2v.delay_min_s, summary.v2v.delay_max_s) {
         let rate = summary.v2v.max_abs_rate.unwrap_or(0.0);
         writeln!(
@@ -82,60 +62,42 @@ fn verdict(page: &mut String, summary: &Summary) -> std::fmt::Result {
 fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {
     let mut table = new_table(&[
         "truck",
-        "err leader",
-        "err pred",
-        "settled pos",
-        "settled speed",
-        "clearance",
-        "gap",
-        "steer",
-        "lat acc",
-        "force min",
-        "force max",
-        "lanes",
-        "passed",
+        "error to\nleader m",
+        "to pred.\nm",
+        "in slot\nfrom s",
+        "at speed\nfrom s",
+        "clear-\nance m",
+        "gap\nm",
+        "steering\nrad",
+        "lateral\nm/s²",
+        "force\nkN",
+        "lane\nchanges",
+        "passed\nobst.",
     ]);
     for truck in &summary.trucks {
-        let passed: Vec<String> = truck
-            .passed_obstacles
-            .iter()
-            .map(usize::to_string)
-            .collect();
+        let passed: Vec<String> = truck.passed_obstacles.iter().map(usize::to_string).collect();
         table.add_row([
-            if truck.index == 0 {
-                "0 leader".into()
-            } else {
-                truck.index.to_string()
-            },
-            format!("{:.2} m", truck.max_abs_leader_error_m),
-            format!("{:.2} m", truck.max_abs_predecessor_error_m),
-            or_never(truck.settled_position_s, |s| format!("{s:.1} s")),
-            or_never(truck.settled_speed_s, |s| format!("{s:.1} s")),
-            or_dash(truck.min_obstacle_clearance_m, |m| format!("{m:.2} m")),
-            or_dash(truck.min_truck_gap_m, |m| format!("{m:.1} m")),
-            format!("{:.3} rad", truck.max_abs_steer_rad),
-            format!("{:.2} m/s²", truck.max_abs_lateral_accel_mps2),
-            format!("{:.1} kN", 1e-3 * truck.min_force_n),
-            format!("{:.1} kN", 1e-3 * truck.max_force_n),
+            if truck.index == 0 { "0 leader".into() } else { truck.index.to_string() },
+            format!("{:.2}", truck.max_abs_leader_error_m),
+            format!("{:.2}", truck.max_abs_predecessor_error_m),
+            or_never(truck.settled_position_s, |s| format!("{s:.1}")),
+            or_never(truck.settled_speed_s, |s| format!("{s:.1}")),
+            or_dash(truck.min_obstacle_clearance_m, |m| format!("{m:.2}")),
+            or_dash(truck.min_truck_gap_m, |m| format!("{m:.1}")),
+            format!("{:.3}", truck.max_abs_steer_rad),
+            format!("{:.2}", truck.max_abs_lateral_accel_mps2),
+            format!("{:.1}..{:.1}", 1e-3 * truck.min_force_n, 1e-3 * truck.max_force_n),
             truck.lane_crossings.to_string(),
-            if passed.is_empty() {
-                "-".into()
-            } else {
-                passed.join(",")
-            },
+            if passed.is_empty() { "-".into() } else { passed.join(",") },
         ]);
     }
-    section(page, "Trucks (largest errors, least distances)", &table)
+    section(page, "Trucks: largest errors, least distances", &table)
 }
 
 fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
     let failed: Vec<_> = summary.criteria.iter().filter(|c| !c.passed).collect();
     if failed.is_empty() {
-        return writeln!(
-            page,
-            "\n{GOOD}All {} criteria hold.{GOOD:#}",
-            summary.criteria.len()
-        );
+        return writeln!(page, "\n{GOOD}All {} criteria hold.{GOOD:#}", summary.criteria.len());
     }
     let mut table = new_table(&["criterion that fails", "limit", "value"]);
     for criterion in failed {
@@ -233,10 +195,7 @@ fn rest(page: &mut String, summary: &Summary) -> std::fmt::Result {
             writeln!(page, "  {note}")?;
         }
     }
-    let files = [
-        ("trace", &summary.files.mcap),
-        ("report", &summary.files.report),
-    ];
+    let files = [("trace", &summary.files.mcap), ("report", &summary.files.report)];
     writeln!(page)?;
     for (what, path) in files {
         if let Some(path) = path {
@@ -269,18 +228,11 @@ fn or_dash<T>(value: Option<T>, text: impl Fn(T) -> String) -> String {
 }
 
 fn micro(us: f64) -> String {
-    if us < 100.0 {
-        format!("{us:.1}")
-    } else {
-        format!("{us:.0}")
-    }
+    if us < 100.0 { format!("{us:.1}") } else { format!("{us:.0}") }
 }
 
 /// At most four significant digits, without trailing zeros.
 fn number(x: f64) -> String {
     let rounded = format!("{x:.3}");
-    rounded
-        .trim_end_matches('0')
-        .trim_end_matches('.')
-        .to_owned()
+    rounded.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

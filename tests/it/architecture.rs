@@ -11,17 +11,7 @@ use crate::repository;
 
 /// Every crate of ours with the crates of ours it may use.
 const ARROWS: [(&str, &[&str]); 7] = [
-    (
-        "platoon",
-        &[
-            "bench-sim",
-            "controller-rt",
-            "law",
-            "platoon-dbc",
-            "traces",
-            "vcan-setup",
-        ],
-    ),
+    ("platoon", &["bench-sim", "controller-rt", "law", "platoon-dbc", "traces", "vcan-setup"]),
     ("controller-rt", &["law", "platoon-dbc", "traces"]),
     ("bench-sim", &["platoon-dbc", "traces"]),
     ("traces", &["platoon-dbc"]),
@@ -31,26 +21,12 @@ const ARROWS: [(&str, &[&str]); 7] = [
 ];
 
 /// Crates that reach the operating system, a bus or a file, which the law must not bring in.
-const NOT_FOR_THE_LAW: [&str; 8] = [
-    "rustix",
-    "libc",
-    "socketcan",
-    "mcap",
-    "tokio",
-    "crossbeam",
-    "clarabel",
-    "toml",
-];
+const NOT_FOR_THE_LAW: [&str; 8] =
+    ["rustix", "libc", "socketcan", "mcap", "tokio", "crossbeam", "clarabel", "toml"];
 
 /// Ways to a clock or to the process's environment.
-const CLOCK_OR_ENVIRONMENT: [&str; 6] = [
-    "Instant::",
-    "SystemTime",
-    "env::var",
-    "env::args",
-    "clock_gettime",
-    "thread::sleep",
-];
+const CLOCK_OR_ENVIRONMENT: [&str; 6] =
+    ["Instant::", "SystemTime", "env::var", "env::args", "clock_gettime", "thread::sleep"];
 
 /// Ways to anything outside the law's arguments, allocation included.
 const OUTSIDE: [&str; 5] = ["std::", "alloc::", "extern crate", "println!", "core::arch"];
@@ -58,21 +34,11 @@ const OUTSIDE: [&str; 5] = ["std::", "alloc::", "extern crate", "println!", "cor
 /// What cargo knows of the workspace's own packages.
 fn metadata() -> Value {
     let output = Command::new(env!("CARGO"))
-        .args([
-            "metadata",
-            "--no-deps",
-            "--offline",
-            "--format-version",
-            "1",
-        ])
+        .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
         .current_dir(repository::root())
         .output()
         .expect("cargo runs");
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     serde_json::from_slice(&output.stdout).expect("cargo metadata prints JSON")
 }
 
@@ -83,10 +49,7 @@ fn packages(metadata: &Value) -> Vec<(&str, Vec<&Value>)> {
         .iter()
         .map(|package| {
             let dependencies = package["dependencies"].as_array().expect("a list");
-            (
-                package["name"].as_str().expect("a name"),
-                dependencies.iter().collect(),
-            )
+            (package["name"].as_str().expect("a name"), dependencies.iter().collect())
         })
         .collect()
 }
@@ -95,14 +58,8 @@ fn packages(metadata: &Value) -> Vec<(&str, Vec<&Value>)> {
 fn forbidden_arrows(metadata: &Value) -> Vec<String> {
     let mut forbidden = Vec::new();
     for (from, dependencies) in packages(metadata) {
-        let allowed = ARROWS
-            .iter()
-            .find(|(name, _)| *name == from)
-            .map(|(_, allowed)| *allowed);
-        for dependency in dependencies
-            .iter()
-            .filter(|dependency| !dependency["path"].is_null())
-        {
+        let allowed = ARROWS.iter().find(|(name, _)| *name == from).map(|(_, allowed)| *allowed);
+        for dependency in dependencies.iter().filter(|dependency| !dependency["path"].is_null()) {
             let to = dependency["name"].as_str().expect("a name");
             if !allowed.is_some_and(|allowed| allowed.contains(&to)) {
                 forbidden.push(format!("{from} -> {to}"));
@@ -116,10 +73,7 @@ fn forbidden_arrows(metadata: &Value) -> Vec<String> {
 fn shipped(source: &str) -> String {
     let code = source.split("#[cfg(test)]").next().unwrap_or(source);
     let without_comment = |line: &str| line.split("//").next().unwrap_or("").to_owned();
-    code.lines()
-        .map(without_comment)
-        .collect::<Vec<_>>()
-        .join("\n")
+    code.lines().map(without_comment).collect::<Vec<_>>().join("\n")
 }
 
 /// `path: word` for every one of `words` in the shipped sources of `folder`.
@@ -148,10 +102,7 @@ fn no_crate_uses_another_against_the_arrows() {
 #[test]
 fn every_crate_of_the_workspace_has_its_arrows_stated() {
     let metadata = metadata();
-    let mut built: Vec<&str> = packages(&metadata)
-        .into_iter()
-        .map(|(name, _)| name)
-        .collect();
+    let mut built: Vec<&str> = packages(&metadata).into_iter().map(|(name, _)| name).collect();
     let mut stated: Vec<&str> = ARROWS.iter().map(|(name, _)| *name).collect();
     built.sort_unstable();
     stated.sort_unstable();
@@ -170,10 +121,7 @@ fn a_forbidden_arrow_is_noticed_in_dev_dependencies_too() {
             { "name": "law", "kind": "build", "path": "/x/law" },
         ]},
     ]});
-    assert_eq!(
-        forbidden_arrows(&metadata),
-        ["bench-sim -> law", "stranger -> law"]
-    );
+    assert_eq!(forbidden_arrows(&metadata), ["bench-sim -> law", "stranger -> law"]);
 }
 
 #[test]
@@ -186,32 +134,22 @@ fn the_rig_does_not_know_the_law_by_any_name() {
 fn the_law_is_a_no_std_crate() {
     let lib = repository::read(&repository::root().join("controller-rt/law/src/lib.rs"));
     let attribute = |line: &str| line.trim() == "#![no_std]";
-    assert!(
-        lib.lines().any(attribute),
-        "controller-rt/law/src/lib.rs begins with #![no_std]"
-    );
+    assert!(lib.lines().any(attribute), "controller-rt/law/src/lib.rs begins with #![no_std]");
 }
 
 #[test]
 fn the_law_reaches_nothing_but_its_arguments() {
     let words = [&OUTSIDE[..], &CLOCK_OR_ENVIRONMENT[..]].concat();
-    assert_eq!(
-        mentions("controller-rt/law/src", &words),
-        Vec::<String>::new()
-    );
+    assert_eq!(mentions("controller-rt/law/src", &words), Vec::<String>::new());
 }
 
 #[test]
 fn the_law_depends_on_nothing_that_reaches_the_operating_system() {
     let metadata = metadata();
     for (name, dependencies) in packages(&metadata) {
-        let shipped = dependencies
-            .iter()
-            .filter(|dependency| dependency["kind"].is_null());
+        let shipped = dependencies.iter().filter(|dependency| dependency["kind"].is_null());
         let names = shipped.filter_map(|dependency| dependency["name"].as_str());
-        let forbidden: Vec<_> = names
-            .filter(|name| NOT_FOR_THE_LAW.contains(name))
-            .collect();
+        let forbidden: Vec<_> = names.filter(|name| NOT_FOR_THE_LAW.contains(name)).collect();
         assert!(name != "law" || forbidden.is_empty(), "{forbidden:?}");
     }
 }
@@ -219,10 +157,7 @@ fn the_law_depends_on_nothing_that_reaches_the_operating_system() {
 #[test]
 fn time_reaches_rig_and_ecu_only_as_an_argument() {
     for folder in ["bench-sim/src", "controller-rt/src"] {
-        assert_eq!(
-            mentions(folder, &CLOCK_OR_ENVIRONMENT),
-            Vec::<String>::new()
-        );
+        assert_eq!(mentions(folder, &CLOCK_OR_ENVIRONMENT), Vec::<String>::new());
     }
 }
 

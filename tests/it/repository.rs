@@ -34,19 +34,12 @@ pub(crate) fn files(folder: &str) -> Vec<PathBuf> {
 /// The Rust sources below `folder`, each with its path relative to the root and its text.
 pub(crate) fn sources(folder: &str) -> Vec<(String, String)> {
     let is_rust = |path: &PathBuf| path.extension().is_some_and(|extension| extension == "rs");
-    files(folder)
-        .into_iter()
-        .filter(is_rust)
-        .map(|path| (shown(&path), read(&path)))
-        .collect()
+    files(folder).into_iter().filter(is_rust).map(|path| (shown(&path), read(&path))).collect()
 }
 
 /// A path as a person of this repository writes it.
 pub(crate) fn shown(path: &Path) -> String {
-    path.strip_prefix(root())
-        .unwrap_or(path)
-        .display()
-        .to_string()
+    path.strip_prefix(root()).unwrap_or(path).display().to_string()
 }
 
 /// The text of a file.

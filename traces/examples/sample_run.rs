@@ -22,31 +22,20 @@ const TICK_NS: u64 = 1_000_000;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
-    let folder = PathBuf::from(
-        arguments
-            .next()
-            .ok_or("usage: sample_run FOLDER [S] [TRUCKS]")?,
-    );
+    let folder = PathBuf::from(arguments.next().ok_or("usage: sample_run FOLDER [S] [TRUCKS]")?);
     let seconds: u32 = arguments.next().map_or(Ok(2), |text| text.parse())?;
     let trucks: u8 = arguments.next().map_or(Ok(2), |text| text.parse())?;
     std::fs::create_dir_all(&folder)?;
 
     let began = Instant::now();
     let parts = record(&folder, seconds * 1000, trucks)?;
-    println!(
-        "recorded {seconds} s of {trucks} trucks in {:.2?}",
-        began.elapsed()
-    );
+    println!("recorded {seconds} s of {trucks} trucks in {:.2?}", began.elapsed());
 
     let began = Instant::now();
     let out = folder.join("run.mcap");
     let report = traces::merge(&parts, &out, &options(seconds))?;
     let megabytes = report.bytes as f64 * 1e-6;
-    println!(
-        "merged {} messages in {:.2?}",
-        report.messages,
-        began.elapsed()
-    );
+    println!("merged {} messages in {:.2?}", report.messages, began.elapsed());
     println!("{}: {megabytes:.1} MB", out.display());
     for part in &report.parts {
         println!("  {}: {part}", part.name());
@@ -142,11 +131,7 @@ impl Bench {
         self.ecus[usize::from(truck)].push(record);
         if tick.is_multiple_of(10_000) {
             let snapshot = Snapshot::new(&[truck; 600]).ok_or("too long")?;
-            self.ecus[usize::from(truck)].push(MemoryRecord {
-                time_ns,
-                tick,
-                snapshot,
-            });
+            self.ecus[usize::from(truck)].push(MemoryRecord { time_ns, tick, snapshot });
         }
         let command = dbc::Actuation {
             answers_tick: tick,
@@ -168,21 +153,9 @@ impl Bench {
     fn rig_sends(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
         let time_ns = u64::from(tick) * TICK_NS;
         let stamp_ns = START_WALL_NS + time_ns + 20_000 + self.noise.below(60_000);
-        let sent = FrameRecord {
-            bus,
-            time_ns,
-            stamp_ns: 0,
-            tick,
-            tx: true,
-            frame,
-        };
+        let sent = FrameRecord { bus, time_ns, stamp_ns: 0, tick, tx: true, frame };
         self.rig.push(sent);
-        let received = FrameRecord {
-            time_ns: time_ns + TICK_NS / 2,
-            stamp_ns,
-            tx: false,
-            ..sent
-        };
+        let received = FrameRecord { time_ns: time_ns + TICK_NS / 2, stamp_ns, tx: false, ..sent };
         self.ecus[usize::from(bus)].push(received);
     }
 
@@ -190,14 +163,7 @@ impl Bench {
     fn ecu_sends(&mut self, bus: u8, tick: u32, frame: dbc::Frame) {
         let time_ns = u64::from(tick + 1) * TICK_NS;
         let stamp_ns = START_WALL_NS + time_ns - 300_000 + self.noise.below(60_000);
-        self.rig.push(FrameRecord {
-            bus,
-            time_ns,
-            stamp_ns,
-            tick: tick + 1,
-            tx: false,
-            frame,
-        });
+        self.rig.push(FrameRecord { bus, time_ns, stamp_ns, tick: tick + 1, tx: false, frame });
     }
 
     fn ego(&mut self, tick: u32, truck: u8) -> dbc::EgoState {
@@ -234,13 +200,7 @@ impl Bench {
     /// A made-up answer of the law: every field moves as it would.
     fn law(&mut self, tick: u32, truck: u8, ego: &dbc::EgoState) -> TickRecord {
         let mut around = |middle_ns: u32| middle_ns + self.noise.below(u64::from(middle_ns)) as u32;
-        let phases = [
-            around(4_000),
-            around(2_000),
-            around(800),
-            around(20_000),
-            around(60_000),
-        ];
+        let phases = [around(4_000), around(2_000), around(800), around(20_000), around(60_000)];
         let [wake_ns, drain_ns, ucl_ns, lml_build_ns, qp_ns] = phases;
         let noise = self.noise.unit();
         let is_late = self.noise.below(5_000) == 0;
@@ -257,11 +217,7 @@ impl Bench {
             send_ns: 5_000,
             total_ns: phases.iter().sum::<u32>() + 5_300,
             missed: is_late,
-            miss_cause: if is_late {
-                MissCause::Preempted
-            } else {
-                MissCause::None
-            },
+            miss_cause: if is_late { MissCause::Preempted } else { MissCause::None },
             outcome: TickOutcome::Solved,
             qp_iterations: 3,
             qp_changes: 1,
@@ -293,10 +249,7 @@ fn y_m(time_s: f64) -> f64 {
 fn obstacle(tick: u32, page: u8) -> dbc::Obstacle {
     let time_ns = u64::from(tick) * TICK_NS;
     let kinds = [dbc::ObstacleKind::Vehicle, dbc::ObstacleKind::Pedestrian];
-    let kind = kinds
-        .get(usize::from(page))
-        .copied()
-        .unwrap_or(dbc::ObstacleKind::None);
+    let kind = kinds.get(usize::from(page)).copied().unwrap_or(dbc::ObstacleKind::None);
     dbc::Obstacle {
         page,
         kind,
@@ -353,10 +306,7 @@ fn status(tick: u32) -> dbc::EcuStatus {
 
 fn truth(tick: u32, trucks: u8) -> TruthRecord {
     let time_s = f64::from(tick) * 1e-3;
-    let mut truth = TruthRecord {
-        time_ns: u64::from(tick) * TICK_NS,
-        ..TruthRecord::default()
-    };
+    let mut truth = TruthRecord { time_ns: u64::from(tick) * TICK_NS, ..TruthRecord::default() };
     for truck in 0..trucks {
         let state = TruckTruth {
             x_m: x_m(time_s, truck),
@@ -398,10 +348,7 @@ struct Noise(u64);
 
 impl Noise {
     fn below(&mut self, limit: u64) -> u64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1);
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         (self.0 >> 33) % limit
     }
 

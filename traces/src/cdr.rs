@@ -62,9 +62,7 @@ pub(crate) struct Reader<'a> {
 impl<'a> Reader<'a> {
     /// Checks the encapsulation header.
     pub(crate) fn new(bytes: &'a [u8]) -> Result<Self, DecodeError> {
-        let body = bytes
-            .strip_prefix(&ENCAPSULATION)
-            .ok_or(DecodeError::NotCdr)?;
+        let body = bytes.strip_prefix(&ENCAPSULATION).ok_or(DecodeError::NotCdr)?;
         Ok(Self { body, at: 0 })
     }
 
@@ -90,9 +88,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn u32(&mut self) -> Result<u32, DecodeError> {
         self.take(self.at.wrapping_neg() % 4)?;
         let bytes = self.take(4)?;
-        Ok(u32::from_le_bytes(
-            bytes.try_into().expect("four bytes were taken"),
-        ))
+        Ok(u32::from_le_bytes(bytes.try_into().expect("four bytes were taken")))
     }
 
     pub(crate) fn i32(&mut self) -> Result<i32, DecodeError> {
@@ -105,10 +101,7 @@ impl<'a> Reader<'a> {
     }
 
     pub(crate) fn string(&mut self) -> Result<&'a str, DecodeError> {
-        let text = self
-            .bytes()?
-            .strip_suffix(&[0])
-            .ok_or(DecodeError::NotCdr)?;
+        let text = self.bytes()?.strip_suffix(&[0]).ok_or(DecodeError::NotCdr)?;
         core::str::from_utf8(text).map_err(|_| DecodeError::NotCdr)
     }
 }
@@ -125,10 +118,8 @@ mod tests {
         writer.u32(0x0403_0201);
         writer.string("ab");
         writer.u8(9);
-        let expected = [
-            0, 1, 0, 0, 1, 0, 0, 0, 1, 2, 3, 4, 3, 0, 0, 0, b'a', b'b', 0, 9,
-        ]
-        .as_slice();
+        let expected =
+            [0, 1, 0, 0, 1, 0, 0, 0, 1, 2, 3, 4, 3, 0, 0, 0, b'a', b'b', 0, 9].as_slice();
         assert_eq!(bytes, expected);
         let mut reader = Reader::new(&bytes).expect("a header");
         assert_eq!(reader.bool(), Ok(true));

@@ -8,11 +8,7 @@ use crate::schema::{Field, Files, Message, Shape};
 use crate::wire::{self, DecodeError, Input, WireType};
 
 fn expect_wire(number: u32, found: WireType, wanted: WireType) -> Result<(), DecodeError> {
-    if found == wanted {
-        Ok(())
-    } else {
-        Err(DecodeError::WrongWireType(number))
-    }
+    if found == wanted { Ok(()) } else { Err(DecodeError::WrongWireType(number)) }
 }
 
 /// A number that may stand in a packed list.
@@ -114,9 +110,7 @@ impl<S: Scalar, const N: usize> Field for [S; N] {
     }
 
     fn put(&self, number: u32, out: &mut Vec<u8>) {
-        wire::put_delimited(out, number, |out| {
-            self.iter().for_each(|value| value.put_value(out))
-        });
+        wire::put_delimited(out, number, |out| self.iter().for_each(|value| value.put_value(out)));
     }
 
     fn get(
@@ -152,9 +146,7 @@ impl Field for String {
     ) -> Result<(), DecodeError> {
         expect_wire(number, wire, WireType::Length)?;
         let bytes = input.delimited()?.remaining();
-        *self = core::str::from_utf8(bytes)
-            .map_err(|_| DecodeError::Malformed)?
-            .into();
+        *self = core::str::from_utf8(bytes).map_err(|_| DecodeError::Malformed)?.into();
         Ok(())
     }
 }

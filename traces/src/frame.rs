@@ -56,11 +56,7 @@ pub struct FrameRecord {
 impl FrameRecord {
     /// Appends the CDR message. `log_time_ns` stands in where there is no kernel stamp.
     pub(crate) fn encode(&self, log_time_ns: u64, out: &mut Vec<u8>) {
-        let stamp_ns = if self.stamp_ns == 0 {
-            log_time_ns
-        } else {
-            self.stamp_ns
-        };
+        let stamp_ns = if self.stamp_ns == 0 { log_time_ns } else { self.stamp_ns };
         let (frame, flags) = (&self.frame, self.frame.flags());
         let mut cdr = cdr::Writer::new(out);
         cdr.i32(i32::try_from(stamp_ns / SECOND_NS).unwrap_or(i32::MAX));
@@ -89,10 +85,7 @@ impl FrameRecord {
     ) -> Result<Self, DecodeError> {
         let mut cdr = cdr::Reader::new(bytes)?;
         let (_sec, _nanosec) = (cdr.i32()?, cdr.u32()?);
-        let bus = cdr
-            .string()?
-            .strip_prefix("bus")
-            .and_then(|bus| bus.parse().ok());
+        let bus = cdr.string()?.strip_prefix("bus").and_then(|bus| bus.parse().ok());
         let id = cdr.u32()?;
         let (is_extended, is_error) = (cdr.bool()?, cdr.bool()?);
         let len = usize::from(cdr.u8()?);
@@ -100,14 +93,7 @@ impl FrameRecord {
         let (is_fd, brs, esi) = (cdr.bool()?, cdr.bool()?, cdr.bool()?);
         let (is_rtr, tx) = (cdr.bool()?, cdr.bool()?);
         let tick = cdr.u32()?;
-        let flags = FrameFlags {
-            is_extended,
-            is_fd,
-            brs,
-            esi,
-            is_rtr,
-            is_error,
-        };
+        let flags = FrameFlags { is_extended, is_fd, brs, esi, is_rtr, is_error };
         let frame = match is_rtr {
             true if data.is_empty() => Frame::remote(id, is_extended, len),
             false if data.len() == len => Frame::new(id, flags, data),
@@ -117,11 +103,7 @@ impl FrameRecord {
         Ok(Self {
             bus: bus.ok_or(DecodeError::NotCdr)?,
             time_ns: log_time_ns.saturating_sub(start_wall_ns),
-            stamp_ns: if publish_time_ns == log_time_ns {
-                0
-            } else {
-                publish_time_ns
-            },
+            stamp_ns: if publish_time_ns == log_time_ns { 0 } else { publish_time_ns },
             tick,
             tx,
             frame,
@@ -151,39 +133,19 @@ mod tests {
         let log = start + record.time_ns;
         let mut bytes = Vec::new();
         record.encode(log, &mut bytes);
-        let publish = if record.stamp_ns == 0 {
-            log
-        } else {
-            record.stamp_ns
-        };
+        let publish = if record.stamp_ns == 0 { log } else { record.stamp_ns };
         FrameRecord::decode(&bytes, log, publish, start).expect("decodes")
     }
 
     fn record(frame: Frame) -> FrameRecord {
-        FrameRecord {
-            bus: 203,
-            time_ns: 5_000_001,
-            stamp_ns: 77,
-            tick: 5,
-            tx: true,
-            frame,
-        }
+        FrameRecord { bus: 203, time_ns: 5_000_001, stamp_ns: 77, tick: 5, tx: true, frame }
     }
 
     #[test]
     fn frames_of_every_kind_survive_encoding() {
         let classic = FrameFlags::default();
-        let fd = FrameFlags {
-            is_fd: true,
-            is_extended: true,
-            brs: true,
-            esi: true,
-            ..classic
-        };
-        let error = FrameFlags {
-            is_error: true,
-            ..classic
-        };
+        let fd = FrameFlags { is_fd: true, is_extended: true, brs: true, esi: true, ..classic };
+        let error = FrameFlags { is_error: true, ..classic };
         for frame in [
             Frame::new(0x7ff, classic, &[1, 2, 3]).expect("valid"),
             Frame::new(0x18ff_1080, fd, &[9; 64]).expect("valid"),
@@ -197,10 +159,7 @@ mod tests {
     #[test]
     fn a_frame_without_kernel_stamp_stays_without() {
         let frame = Frame::new(1, FrameFlags::default(), &[]).expect("valid");
-        let unstamped = FrameRecord {
-            stamp_ns: 0,
-            ..record(frame)
-        };
+        let unstamped = FrameRecord { stamp_ns: 0, ..record(frame) };
         assert_eq!(round_trip(unstamped), unstamped);
     }
 

@@ -49,11 +49,7 @@ impl PartReport {
     /// The part's file name.
     #[must_use]
     pub fn name(&self) -> String {
-        self.path
-            .file_name()
-            .unwrap_or(self.path.as_os_str())
-            .display()
-            .to_string()
+        self.path.file_name().unwrap_or(self.path.as_os_str()).display().to_string()
     }
 
     /// Whether nothing of the part is missing.
@@ -79,28 +75,12 @@ impl core::fmt::Display for PartReport {
             write!(f, ", not closed: its process ended early")?;
         }
         if self.loss.bytes > 0 || self.loss.chunks > 0 || self.loss.records > 0 {
-            let Loss {
-                bytes,
-                chunks,
-                records,
-                ..
-            } = self.loss;
-            write!(
-                f,
-                ", unreadable: {bytes} bytes, {chunks} chunks, {records} records"
-            )?;
+            let Loss { bytes, chunks, records, .. } = self.loss;
+            write!(f, ", unreadable: {bytes} bytes, {chunks} chunks, {records} records")?;
         }
         if self.dropped.total() > 0 {
-            let Counts {
-                frames,
-                ticks,
-                truths,
-                memories,
-            } = self.dropped;
-            write!(
-                f,
-                ", dropped: {frames} frames, {ticks} ticks, {truths} world states, "
-            )?;
+            let Counts { frames, ticks, truths, memories } = self.dropped;
+            write!(f, ", dropped: {frames} frames, {ticks} ticks, {truths} world states, ")?;
             write!(f, "{memories} snapshots")?;
         }
         Ok(())
@@ -156,20 +136,13 @@ impl Input {
         {
             let (frames, ticks) = (gap.frames, gap.ticks);
             let (truths, memories) = (gap.truths, gap.memories);
-            self.report.dropped = Counts {
-                frames,
-                ticks,
-                truths,
-                memories,
-            };
+            self.report.dropped = Counts { frames, ticks, truths, memories };
         }
         Some(message)
     }
 
     pub(crate) fn stragglers(&self) -> u64 {
-        self.messages
-            .as_ref()
-            .map_or(0, |messages| messages.stragglers)
+        self.messages.as_ref().map_or(0, |messages| messages.stragglers)
     }
 
     /// Fills in what is known only when every message has been read.
@@ -198,8 +171,5 @@ fn take_metadata(report: &mut PartReport, reader: &Reader) {
 }
 
 fn count(pairs: &BTreeMap<String, String>, key: &str) -> u64 {
-    pairs
-        .get(key)
-        .and_then(|value| value.parse().ok())
-        .unwrap_or(0)
+    pairs.get(key).and_then(|value| value.parse().ok()).unwrap_or(0)
 }

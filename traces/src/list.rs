@@ -14,10 +14,7 @@ impl<T: Copy + Default, const N: usize> List<T, N> {
     #[must_use]
     pub fn new() -> Self {
         const { assert!(N <= u16::MAX as usize) };
-        Self {
-            len: 0,
-            rows: [T::default(); N],
-        }
+        Self { len: 0, rows: [T::default(); N] }
     }
 
     /// Appends a value; gives it back when the list is full.
@@ -80,10 +77,7 @@ mod tests {
     #[test]
     fn a_full_list_gives_the_value_back() {
         let mut list = List::<u8, 2>::new();
-        assert_eq!(
-            (list.push(1), list.push(2), list.push(3)),
-            (Ok(()), Ok(()), Err(3))
-        );
+        assert_eq!((list.push(1), list.push(2), list.push(3)), (Ok(()), Ok(()), Err(3)));
         assert_eq!(list.as_slice(), &[1, 2]);
         assert!(List::<u8, 2>::from_slice(&[1, 2, 3]).is_none());
     }

@@ -19,14 +19,8 @@ impl<const N: usize> Snapshot<N> {
     #[must_use]
     pub fn new(bytes: &[u8]) -> Option<Self> {
         const { assert!(N <= u16::MAX as usize) };
-        let mut snapshot = Self {
-            len: bytes.len() as u16,
-            bytes: [0; N],
-        };
-        snapshot
-            .bytes
-            .get_mut(..bytes.len())?
-            .copy_from_slice(bytes);
+        let mut snapshot = Self { len: bytes.len() as u16, bytes: [0; N] };
+        snapshot.bytes.get_mut(..bytes.len())?.copy_from_slice(bytes);
         Some(snapshot)
     }
 
@@ -39,10 +33,7 @@ impl<const N: usize> Snapshot<N> {
 
 impl<const N: usize> Default for Snapshot<N> {
     fn default() -> Self {
-        Self {
-            len: 0,
-            bytes: [0; N],
-        }
+        Self { len: 0, bytes: [0; N] }
     }
 }
 
@@ -79,11 +70,7 @@ mod tests {
     #[test]
     fn a_snapshot_survives_encoding() {
         let snapshot = Snapshot::new(&[7; 1000]).expect("fits");
-        let record = MemoryRecord {
-            time_ns: 1,
-            tick: 2,
-            snapshot,
-        };
+        let record = MemoryRecord { time_ns: 1, tick: 2, snapshot };
         let mut bytes = Vec::new();
         record.encode(&mut bytes);
         assert_eq!(MemoryRecord::decode(&bytes), Ok(record));

@@ -92,26 +92,16 @@ pub fn merge_thinned(
     options: &MergeOptions,
     decoded_period_ns: u64,
 ) -> Result<MergeReport, MergeError> {
-    let mut inputs = parts
-        .iter()
-        .map(|path| Input::open(path))
-        .collect::<Vec<_>>();
+    let mut inputs = parts.iter().map(|path| Input::open(path)).collect::<Vec<_>>();
     if inputs.iter().all(|input| input.report.unreadable.is_some()) {
-        let reasons = inputs
-            .iter()
-            .filter_map(|input| input.report.unreadable.as_deref());
+        let reasons = inputs.iter().filter_map(|input| input.report.unreadable.as_deref());
         return Err(MergeError::NoPart(reasons.collect::<Vec<_>>().join("; ")));
     }
     let unfinished = Unfinished::create(out)?;
     let (messages, out_of_order) = unfinished.fill(&mut inputs, options, decoded_period_ns)?;
     let bytes = unfinished.keep(out)?;
     let parts = inputs.into_iter().map(|input| input.report).collect();
-    Ok(MergeReport {
-        messages,
-        bytes,
-        out_of_order,
-        parts,
-    })
+    Ok(MergeReport { messages, bytes, out_of_order, parts })
 }
 
 /// The merged file while it is being written, under another name; removed unless kept.
@@ -126,10 +116,7 @@ impl Unfinished {
         name.push(".part");
         let path = PathBuf::from(name);
         match File::create(&path) {
-            Ok(_) => Ok(Self {
-                path,
-                is_kept: Cell::new(false),
-            }),
+            Ok(_) => Ok(Self { path, is_kept: Cell::new(false) }),
             Err(source) => Err(MergeError::Create { path, source }),
         }
     }
@@ -142,20 +129,9 @@ impl Unfinished {
     ) -> Result<(u64, u64), MergeError> {
         let path = || self.path.clone();
         let file = File::options().write(true).open(&self.path);
-        let file = file.map_err(|source| MergeError::Create {
-            path: path(),
-            source,
-        })?;
-        write_all(
-            BufWriter::with_capacity(1 << 20, file),
-            inputs,
-            options,
-            decoded_period_ns,
-        )
-        .map_err(|source| MergeError::Write {
-            path: path(),
-            source,
-        })
+        let file = file.map_err(|source| MergeError::Create { path: path(), source })?;
+        write_all(BufWriter::with_capacity(1 << 20, file), inputs, options, decoded_period_ns)
+            .map_err(|source| MergeError::Write { path: path(), source })
     }
 
     fn keep(&self, out: &Path) -> Result<u64, MergeError> {
@@ -164,10 +140,7 @@ impl Unfinished {
             fs::rename(&self.path, out)?;
             Ok(bytes)
         };
-        let bytes = rename().map_err(|source| MergeError::Create {
-            path: out.into(),
-            source,
-        })?;
+        let bytes = rename().map_err(|source| MergeError::Create { path: out.into(), source })?;
         self.is_kept.set(true);
         Ok(bytes)
     }
@@ -189,9 +162,7 @@ fn write_all(
     decoded_period_ns: u64,
 ) -> Result<(u64, u64), McapError> {
     let start_wall_ns = inputs.iter().find_map(Input::start_wall_ns).unwrap_or(0);
-    inputs
-        .iter_mut()
-        .for_each(|input| input.assume_start_wall_ns(start_wall_ns));
+    inputs.iter_mut().for_each(|input| input.assume_start_wall_ns(start_wall_ns));
     let mut merged = Merged::create(file, start_wall_ns, decoded_period_ns)?;
     for (name, pairs) in &options.metadata {
         merged.metadata(name, pairs.clone())?;
@@ -203,9 +174,7 @@ fn write_all(
         merged.write(&message)?;
     }
     inputs.iter_mut().for_each(Input::complete);
-    let notes = inputs
-        .iter()
-        .map(|input| (input.report.name(), input.report.to_string()));
+    let notes = inputs.iter().map(|input| (input.report.name(), input.report.to_string()));
     merged.metadata(PARTS, notes.collect())?;
     let out_of_order = inputs.iter().map(Input::stragglers).sum();
     Ok((merged.finish()?, out_of_order))

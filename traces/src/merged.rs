@@ -92,10 +92,7 @@ impl Merged {
         name: &str,
         metadata: BTreeMap<String, String>,
     ) -> Result<(), McapError> {
-        self.writer.write_metadata(&Metadata {
-            name: name.into(),
-            metadata,
-        })
+        self.writer.write_metadata(&Metadata { name: name.into(), metadata })
     }
 
     pub(crate) fn attach(&mut self, attachment: &Attachment) -> Result<(), McapError> {
@@ -115,19 +112,10 @@ impl Merged {
         };
         let log_time = self.start_wall_ns.saturating_add(message.time_ns());
         let is_stamped = message.publish_time_ns != message.log_time_ns;
-        let publish_time = if is_stamped {
-            message.publish_time_ns
-        } else {
-            log_time
-        };
+        let publish_time = if is_stamped { message.publish_time_ns } else { log_time };
         let channel_id = self.copied_channel(topic, message)?;
         let sequence = message.sequence;
-        let header = MessageHeader {
-            channel_id,
-            sequence,
-            log_time,
-            publish_time,
-        };
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time };
         self.put(header, &message.data)?;
         match topic {
             Topic::Frames(bus) => self.write_signals(bus, message, header),
@@ -157,11 +145,8 @@ impl Merged {
         schema: &Schema,
         metadata: &BTreeMap<String, String>,
     ) -> Result<u16, McapError> {
-        let id = self
-            .writer
-            .add_schema(&schema.name, schema.encoding, &schema.data)?;
-        self.writer
-            .add_channel(id, topic, schema.message_encoding, metadata)
+        let id = self.writer.add_schema(&schema.name, schema.encoding, &schema.data)?;
+        self.writer.add_channel(id, topic, schema.message_encoding, metadata)
     }
 
     /// Adds the signals of a frame of the contract on `/bus<i>/<Message>`.
@@ -182,23 +167,11 @@ impl Merged {
             return Ok(());
         }
         let newest_ns = Some(message.time_ns());
-        self.decoded.insert(
-            (bus, index),
-            Decoded {
-                newest_ns,
-                ..decoded
-            },
-        );
+        self.decoded.insert((bus, index), Decoded { newest_ns, ..decoded });
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
         signals::encode(index, &record.frame, &mut buffer);
-        let result = self.put(
-            MessageHeader {
-                channel_id: decoded.channel,
-                ..header
-            },
-            &buffer,
-        );
+        let result = self.put(MessageHeader { channel_id: decoded.channel, ..header }, &buffer);
         self.buffer = buffer;
         result
     }
@@ -220,10 +193,7 @@ impl Merged {
         }
         let topic = format!("/bus{bus}/{}", info.name);
         let channel = self.add_channel(&topic, &schema, &metadata)?;
-        let decoded = Decoded {
-            channel,
-            newest_ns: None,
-        };
+        let decoded = Decoded { channel, newest_ns: None };
         self.decoded.insert((bus, index), decoded);
         Ok(decoded)
     }
@@ -241,13 +211,7 @@ impl Merged {
         let mut buffer = Vec::new();
         scene::update(&truth, header.log_time).encode(&mut buffer);
         let channel_id = self.scene_channel()?;
-        self.put(
-            MessageHeader {
-                channel_id,
-                ..header
-            },
-            &buffer,
-        )
+        self.put(MessageHeader { channel_id, ..header }, &buffer)
     }
 
     fn scene_channel(&mut self) -> Result<u16, McapError> {

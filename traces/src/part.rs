@@ -145,12 +145,7 @@ impl Part {
         self.buffer.clear();
         record.encode(&mut self.buffer);
         let log_time_ns = self.start_wall_ns.saturating_add(record.time_ns);
-        self.put(
-            Topic::Dropped(self.source),
-            number,
-            log_time_ns,
-            log_time_ns,
-        )
+        self.put(Topic::Dropped(self.source), number, log_time_ns, log_time_ns)
     }
 
     fn put(
@@ -161,12 +156,7 @@ impl Part {
         publish_time: u64,
     ) -> Result<(), McapError> {
         let channel_id = self.channel(topic)?;
-        let header = MessageHeader {
-            channel_id,
-            sequence: number as u32,
-            log_time,
-            publish_time,
-        };
+        let header = MessageHeader { channel_id, sequence: number as u32, log_time, publish_time };
         self.has_open_chunk = true;
         self.writer.write_to_known_channel(&header, &self.buffer)
     }
@@ -176,14 +166,11 @@ impl Part {
             return Ok(*channel);
         }
         let schema = topic.schema();
-        let schema_id = self
-            .writer
-            .add_schema(&schema.name, schema.encoding, &schema.data)?;
+        let schema_id = self.writer.add_schema(&schema.name, schema.encoding, &schema.data)?;
         let metadata = self.channel_metadata(topic);
         let name = topic.to_string();
         let channel =
-            self.writer
-                .add_channel(schema_id, &name, schema.message_encoding, &metadata)?;
+            self.writer.add_channel(schema_id, &name, schema.message_encoding, &metadata)?;
         self.channels.insert(topic, channel);
         Ok(channel)
     }
@@ -195,10 +182,7 @@ impl Part {
             _ => return BTreeMap::new(),
         };
         let interface = self.interfaces.get(bus);
-        interface
-            .map(|name| ("interface".into(), name.clone()))
-            .into_iter()
-            .collect()
+        interface.map(|name| ("interface".into(), name.clone())).into_iter().collect()
     }
 
     /// Closes the chunk and hands it to the operating system: a killed process keeps it.
@@ -224,14 +208,8 @@ impl Part {
     }
 
     fn write_metadata(&mut self, name: &str, pairs: &[(&str, String)]) -> Result<(), McapError> {
-        let metadata = pairs
-            .iter()
-            .map(|(key, value)| ((*key).into(), value.clone()))
-            .collect();
-        self.writer.write_metadata(&Metadata {
-            name: name.into(),
-            metadata,
-        })
+        let metadata = pairs.iter().map(|(key, value)| ((*key).into(), value.clone())).collect();
+        self.writer.write_metadata(&Metadata { name: name.into(), metadata })
     }
 }
 

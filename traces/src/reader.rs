@@ -130,10 +130,7 @@ impl Reader {
     /// When the file cannot be read or does not begin as an MCAP file does. Damage further on is
     /// no error: see [`Reader::loss`].
     pub fn open(path: &Path) -> Result<Self, ReadError> {
-        let io = |source| ReadError::Io {
-            path: path.into(),
-            source,
-        };
+        let io = |source| ReadError::Io { path: path.into(), source };
         let file = File::open(path).map_err(io)?;
         let length = file.metadata().map_err(io)?.len();
         Self::scan(Box::new(BufReader::new(file)), length)
@@ -153,14 +150,7 @@ impl Reader {
             return Ok(None);
         }
         let layout = scan::scan(&mut source, length)?;
-        let note = |name| {
-            layout
-                .metadata
-                .get(name)?
-                .get("start_wall_ns")?
-                .parse()
-                .ok()
-        };
+        let note = |name| layout.metadata.get(name)?.get("start_wall_ns")?.parse().ok();
         let start_wall_ns = note(PART).or_else(|| note(MERGED));
         Ok(Some(Self {
             source,
@@ -179,10 +169,7 @@ impl Reader {
     /// Keeps only messages of these topics.
     #[must_use]
     pub fn with_topics<S: Into<String>>(self, topics: impl IntoIterator<Item = S>) -> Self {
-        Self {
-            topics: Some(topics.into_iter().map(Into::into).collect()),
-            ..self
-        }
+        Self { topics: Some(topics.into_iter().map(Into::into).collect()), ..self }
     }
 
     /// Keeps only messages of this span of bench time \[ns\].
@@ -277,11 +264,7 @@ impl Reader {
         let known = Channel {
             kind: Topic::parse(&channel.topic),
             topic: channel.topic,
-            schema: self
-                .schemas
-                .get(&channel.schema_id)
-                .cloned()
-                .unwrap_or_default(),
+            schema: self.schemas.get(&channel.schema_id).cloned().unwrap_or_default(),
             encoding: channel.message_encoding,
             metadata: channel.metadata,
         };

@@ -28,19 +28,17 @@ pub enum Record {
 impl Record {
     pub(crate) fn decode(message: &Message) -> Result<Self, DecodeError> {
         let data = &message.data;
-        Ok(
-            match message.channel.kind.ok_or(DecodeError::UnknownSchema)? {
-                Topic::Frames(_) | Topic::Rx(_) => Self::Frame(FrameRecord::decode(
-                    data,
-                    message.log_time_ns,
-                    message.publish_time_ns,
-                    message.start_wall_ns,
-                )?),
-                Topic::Tick(_) => Self::Tick(Box::new(TickRecord::decode(data)?)),
-                Topic::Truth => Self::Truth(Box::new(TruthRecord::decode(data)?)),
-                Topic::Memory(_) => Self::Memory(Box::new(MemoryRecord::decode(data)?)),
-                Topic::Dropped(_) => Self::Dropped(DroppedRecord::decode(data)?),
-            },
-        )
+        Ok(match message.channel.kind.ok_or(DecodeError::UnknownSchema)? {
+            Topic::Frames(_) | Topic::Rx(_) => Self::Frame(FrameRecord::decode(
+                data,
+                message.log_time_ns,
+                message.publish_time_ns,
+                message.start_wall_ns,
+            )?),
+            Topic::Tick(_) => Self::Tick(Box::new(TickRecord::decode(data)?)),
+            Topic::Truth => Self::Truth(Box::new(TruthRecord::decode(data)?)),
+            Topic::Memory(_) => Self::Memory(Box::new(MemoryRecord::decode(data)?)),
+            Topic::Dropped(_) => Self::Dropped(DroppedRecord::decode(data)?),
+        })
     }
 }

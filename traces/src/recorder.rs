@@ -135,29 +135,16 @@ impl Recorder {
         path: PathBuf,
         options: RecorderOptions,
     ) -> Result<Self, RecorderError> {
-        let RecorderOptions {
-            source,
-            start_wall_ns,
-            overflow,
-            capacity,
-            interfaces,
-        } = options;
-        let part =
-            Part::create(sink, source, interfaces).map_err(|source| RecorderError::Write {
-                path: path.clone(),
-                source,
-            })?;
+        let RecorderOptions { source, start_wall_ns, overflow, capacity, interfaces } = options;
+        let part = Part::create(sink, source, interfaces)
+            .map_err(|source| RecorderError::Write { path: path.clone(), source })?;
         let rings = Arc::new(Rings::new(capacity, start_wall_ns));
         let writer = Writer::new(part, Arc::clone(&rings));
         let writer = thread::Builder::new()
             .name(format!("{source}-recorder"))
             .spawn(move || writer.run())
             .map_err(|source| RecorderError::Thread { path, source })?;
-        Ok(Self {
-            rings,
-            overflow,
-            writer: Some(writer),
-        })
+        Ok(Self { rings, overflow, writer: Some(writer) })
     }
 
     /// Sets the wall clock at bench time 0 \[ns since 1970\], for a process that learns it only
@@ -206,12 +193,9 @@ impl Recorder {
         let dropped = self.rings.dropped();
         let queued = self.rings.numbered() - dropped.total();
         match self.writer.take().map(JoinHandle::join) {
-            Some(Ok(Written { written, error })) => Finished {
-                written,
-                dropped,
-                lost: queued - written.min(queued),
-                error,
-            },
+            Some(Ok(Written { written, error })) => {
+                Finished { written, dropped, lost: queued - written.min(queued), error }
+            }
             Some(Err(_)) | None => Finished {
                 written: 0,
                 dropped,

@@ -36,18 +36,8 @@ impl Capacity {
     #[must_use]
     pub const fn of(source: Source) -> Self {
         match source {
-            Source::Rig => Self {
-                frames: 32_768,
-                ticks: 1,
-                truths: 512,
-                memories: 1,
-            },
-            Source::Ecu(_) => Self {
-                frames: 8_192,
-                ticks: 8_192,
-                truths: 1,
-                memories: 64,
-            },
+            Source::Rig => Self { frames: 32_768, ticks: 1, truths: 512, memories: 1 },
+            Source::Ecu(_) => Self { frames: 8_192, ticks: 8_192, truths: 1, memories: 64 },
         }
     }
 }
@@ -88,10 +78,7 @@ pub(crate) struct Lane<T> {
 
 impl<T> Lane<T> {
     fn new(capacity: usize) -> Self {
-        Self {
-            queue: ArrayQueue::new(capacity.max(1) + 1),
-            dropped: AtomicU64::new(0),
-        }
+        Self { queue: ArrayQueue::new(capacity.max(1) + 1), dropped: AtomicU64::new(0) }
     }
 
     fn is_full(&self) -> bool {
@@ -186,10 +173,7 @@ mod sealed {
 }
 
 /// A record that [`Recorder::push`](crate::Recorder::push) takes.
-#[expect(
-    private_interfaces,
-    reason = "the trait is sealed; its one item is for this crate"
-)]
+#[expect(private_interfaces, reason = "the trait is sealed; its one item is for this crate")]
 pub trait Recordable: sealed::Sealed + Copy {
     #[doc(hidden)]
     fn lane(rings: &Rings) -> &Lane<Self>;

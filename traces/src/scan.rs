@@ -92,11 +92,7 @@ pub(crate) fn scan(source: &mut (impl Read + Seek), file_length: u64) -> io::Res
             layout.loss.bytes += rest;
             return Ok(layout);
         };
-        let span = Span {
-            opcode,
-            offset,
-            length: ENVELOPE + body,
-        };
+        let span = Span { opcode, offset, length: ENVELOPE + body };
         match opcode {
             op::FOOTER => return Ok(layout),
             op::DATA_END => in_summary = true,
@@ -138,10 +134,7 @@ impl Layout {
     fn take_side_record(&mut self, opcode: u8, bytes: &[u8]) {
         match mcap::parse_record(opcode, bytes) {
             Ok(Record::Metadata(record)) => {
-                self.metadata
-                    .entry(record.name)
-                    .or_default()
-                    .extend(record.metadata);
+                self.metadata.entry(record.name).or_default().extend(record.metadata);
             }
             Ok(Record::Attachment { header, data, .. }) => self.attachments.push(Attachment {
                 name: header.name,
@@ -154,18 +147,11 @@ impl Layout {
 
     /// Notices chunks that a damaged opcode has hidden, by the count the writer left.
     fn compare_statistics(&mut self, body: &[u8]) {
-        let Some(count) = body
-            .get(CHUNK_COUNT)
-            .and_then(|bytes| bytes.try_into().ok())
-        else {
+        let Some(count) = body.get(CHUNK_COUNT).and_then(|bytes| bytes.try_into().ok()) else {
             self.loss.records += 1;
             return;
         };
-        let found = self
-            .spans
-            .iter()
-            .filter(|span| span.opcode == op::CHUNK)
-            .count() as u64;
+        let found = self.spans.iter().filter(|span| span.opcode == op::CHUNK).count() as u64;
         self.loss.chunks += u64::from(u32::from_le_bytes(count)).saturating_sub(found);
     }
 }

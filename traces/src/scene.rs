@@ -120,57 +120,22 @@ message_field! {
     Timestamp, Duration, Vector3, Quaternion, Pose, Color,
 }
 
-const TRUCK_COLOR: Color = Color {
-    r: 0.16,
-    g: 0.42,
-    b: 0.76,
-    a: 1.0,
-};
-const LEADER_COLOR: Color = Color {
-    r: 0.10,
-    g: 0.60,
-    b: 0.42,
-    a: 1.0,
-};
-const LABEL_COLOR: Color = Color {
-    r: 1.0,
-    g: 1.0,
-    b: 1.0,
-    a: 1.0,
-};
+const TRUCK_COLOR: Color = Color { r: 0.16, g: 0.42, b: 0.76, a: 1.0 };
+const LEADER_COLOR: Color = Color { r: 0.10, g: 0.60, b: 0.42, a: 1.0 };
+const LABEL_COLOR: Color = Color { r: 1.0, g: 1.0, b: 1.0, a: 1.0 };
 
 /// The boxes of a world state. `log_time_ns` is its time since 1970.
 pub(crate) fn update(truth: &TruthRecord, log_time_ns: u64) -> SceneUpdate {
     let trucks = truth.trucks.iter().enumerate().map(|(index, truck)| {
-        let color = if index == 0 {
-            LEADER_COLOR
-        } else {
-            TRUCK_COLOR
-        };
-        entity(
-            format!("truck {index}"),
-            log_time_ns,
-            &truck_box(truck),
-            color,
-        )
+        let color = if index == 0 { LEADER_COLOR } else { TRUCK_COLOR };
+        entity(format!("truck {index}"), log_time_ns, &truck_box(truck), color)
     });
-    let obstacles = truth
-        .obstacles
-        .iter()
-        .filter(|obstacle| obstacle.present)
-        .map(|obstacle| {
-            let (height_m, color) = looks(obstacle.kind);
-            let shape = obstacle_box(obstacle, height_m);
-            entity(
-                format!("obstacle {}", obstacle.number),
-                log_time_ns,
-                &shape,
-                color,
-            )
-        });
-    SceneUpdate {
-        entities: trucks.chain(obstacles).collect(),
-    }
+    let obstacles = truth.obstacles.iter().filter(|obstacle| obstacle.present).map(|obstacle| {
+        let (height_m, color) = looks(obstacle.kind);
+        let shape = obstacle_box(obstacle, height_m);
+        entity(format!("obstacle {}", obstacle.number), log_time_ns, &shape, color)
+    });
+    SceneUpdate { entities: trucks.chain(obstacles).collect() }
 }
 
 /// A box standing on the road.
@@ -209,33 +174,9 @@ fn obstacle_box(obstacle: &ObstacleTruth, height_m: f64) -> StandingBox {
 
 const fn looks(kind: ObstacleKind) -> (f64, Color) {
     match kind {
-        ObstacleKind::Vehicle => (
-            1.6,
-            Color {
-                r: 0.80,
-                g: 0.25,
-                b: 0.20,
-                a: 1.0,
-            },
-        ),
-        ObstacleKind::Pedestrian => (
-            1.8,
-            Color {
-                r: 0.95,
-                g: 0.60,
-                b: 0.10,
-                a: 1.0,
-            },
-        ),
-        ObstacleKind::Bump => (
-            0.1,
-            Color {
-                r: 0.55,
-                g: 0.50,
-                b: 0.45,
-                a: 1.0,
-            },
-        ),
+        ObstacleKind::Vehicle => (1.6, Color { r: 0.80, g: 0.25, b: 0.20, a: 1.0 }),
+        ObstacleKind::Pedestrian => (1.8, Color { r: 0.95, g: 0.60, b: 0.10, a: 1.0 }),
+        ObstacleKind::Bump => (0.1, Color { r: 0.55, g: 0.50, b: 0.45, a: 1.0 }),
     }
 }
 
@@ -250,24 +191,13 @@ fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> Sc
         color: LABEL_COLOR,
         text: id.clone(),
     };
-    let size = Vector3 {
-        x: shape.length_m,
-        y: shape.width_m,
-        z: shape.height_m,
-    };
+    let size = Vector3 { x: shape.length_m, y: shape.width_m, z: shape.height_m };
     SceneEntity {
         timestamp: Timestamp { seconds, nanos },
         frame_id: FRAME.into(),
         id,
-        lifetime: Duration {
-            seconds: lifetime_s,
-            nanos: lifetime_ns,
-        },
-        cubes: vec![CubePrimitive {
-            pose: pose(shape, shape.height_m / 2.0),
-            size,
-            color,
-        }],
+        lifetime: Duration { seconds: lifetime_s, nanos: lifetime_ns },
+        cubes: vec![CubePrimitive { pose: pose(shape, shape.height_m / 2.0), size, color }],
         texts: vec![label],
     }
 }
@@ -275,25 +205,13 @@ fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> Sc
 fn pose(shape: &StandingBox, z_m: f64) -> Pose {
     let half_rad = shape.heading_rad / 2.0;
     Pose {
-        position: Vector3 {
-            x: shape.x_m,
-            y: shape.y_m,
-            z: z_m,
-        },
-        orientation: Quaternion {
-            x: 0.0,
-            y: 0.0,
-            z: half_rad.sin(),
-            w: half_rad.cos(),
-        },
+        position: Vector3 { x: shape.x_m, y: shape.y_m, z: z_m },
+        orientation: Quaternion { x: 0.0, y: 0.0, z: half_rad.sin(), w: half_rad.cos() },
     }
 }
 
 fn split(time_ns: u64) -> (i64, i32) {
-    (
-        (time_ns / 1_000_000_000) as i64,
-        (time_ns % 1_000_000_000) as i32,
-    )
+    ((time_ns / 1_000_000_000) as i64, (time_ns % 1_000_000_000) as i32)
 }
 
 #[cfg(test)]
@@ -320,18 +238,10 @@ mod tests {
     fn obstacles_that_are_not_there_are_not_shown() {
         let mut truth = TruthRecord::default();
         for (number, present) in [(1, true), (2, false)] {
-            let obstacle = ObstacleTruth {
-                number,
-                present,
-                ..ObstacleTruth::default()
-            };
+            let obstacle = ObstacleTruth { number, present, ..ObstacleTruth::default() };
             truth.obstacles.push(obstacle).expect("room");
         }
-        let ids: Vec<_> = update(&truth, 0)
-            .entities
-            .into_iter()
-            .map(|thing| thing.id)
-            .collect();
+        let ids: Vec<_> = update(&truth, 0).entities.into_iter().map(|thing| thing.id).collect();
         assert_eq!(ids, ["obstacle 1"]);
     }
 }

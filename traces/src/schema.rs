@@ -71,28 +71,15 @@ pub(crate) struct Shape {
 
 impl Shape {
     pub(crate) const fn scalar(kind: Type) -> Self {
-        Self {
-            label: Label::Optional,
-            kind,
-            type_name: String::new(),
-            file: String::new(),
-        }
+        Self { label: Label::Optional, kind, type_name: String::new(), file: String::new() }
     }
 
     pub(crate) fn named(kind: Type, name: &str) -> Self {
-        Self {
-            label: Label::Optional,
-            kind,
-            type_name: format!(".{name}"),
-            file: file_name(name),
-        }
+        Self { label: Label::Optional, kind, type_name: format!(".{name}"), file: file_name(name) }
     }
 
     pub(crate) fn repeated(self) -> Self {
-        Self {
-            label: Label::Repeated,
-            ..self
-        }
+        Self { label: Label::Repeated, ..self }
     }
 }
 

@@ -58,10 +58,8 @@ pub(crate) fn schema_name(message: &MessageInfo) -> String {
 
 /// The encoded `FileDescriptorSet` of a message's decoded form.
 pub(crate) fn descriptor_set(message: &MessageInfo) -> Vec<u8> {
-    let mut described = DescriptorProto {
-        name: Some(message.name.into()),
-        ..DescriptorProto::default()
-    };
+    let mut described =
+        DescriptorProto { name: Some(message.name.into()), ..DescriptorProto::default() };
     for (signal, number) in message.signals.iter().zip(1..) {
         add_signal(&mut described, signal, number);
     }
@@ -98,10 +96,7 @@ fn make_optional(described: &mut DescriptorProto, field: &mut FieldDescriptorPro
     field.proto3_optional = Some(true);
     field.oneof_index = Some(described.oneof_decl.len() as i32);
     let name = Some(format!("_{}", field.name()));
-    described.oneof_decl.push(OneofDescriptorProto {
-        name,
-        options: None,
-    });
+    described.oneof_decl.push(OneofDescriptorProto { name, options: None });
 }
 
 /// What a channel of decoded signals says about them: units and comments by field name.

@@ -194,9 +194,6 @@ mod tests {
 
     #[test]
     fn an_enum_number_nobody_knows_is_refused() {
-        assert_eq!(
-            TickRecord::decode(&[14 << 3, 99]),
-            Err(crate::DecodeError::OutOfRange)
-        );
+        assert_eq!(TickRecord::decode(&[14 << 3, 99]), Err(crate::DecodeError::OutOfRange));
     }
 }

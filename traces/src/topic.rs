@@ -148,15 +148,7 @@ mod tests {
 
     #[test]
     fn foreign_topics_are_nobodys() {
-        for name in [
-            "",
-            "/",
-            "/can/bus0",
-            "/can/bus0/frames/x",
-            "/ecu/tick",
-            "/ecu300/tick",
-            "x",
-        ] {
+        for name in ["", "/", "/can/bus0", "/can/bus0/frames/x", "/ecu/tick", "/ecu300/tick", "x"] {
             assert_eq!(Topic::parse(name), None, "{name}");
         }
     }

@@ -118,21 +118,12 @@ mod tests {
 
     #[test]
     fn a_world_survives_encoding() {
-        let mut truth = TruthRecord {
-            time_ns: 5,
-            ..TruthRecord::default()
-        };
+        let mut truth = TruthRecord { time_ns: 5, ..TruthRecord::default() };
         for index in 0..TRUCKS_MAX {
-            let truck = TruckTruth {
-                x_m: -20.0 * index as f64,
-                ..TruckTruth::default()
-            };
+            let truck = TruckTruth { x_m: -20.0 * index as f64, ..TruckTruth::default() };
             truth.trucks.push(truck).expect("room");
         }
-        let bump = ObstacleTruth {
-            kind: ObstacleKind::Bump,
-            ..ObstacleTruth::default()
-        };
+        let bump = ObstacleTruth { kind: ObstacleKind::Bump, ..ObstacleTruth::default() };
         truth.obstacles.push(bump).expect("room");
         let mut bytes = Vec::new();
         truth.encode(&mut bytes);
@@ -142,9 +133,6 @@ mod tests {
     #[test]
     fn more_trucks_than_fit_are_refused() {
         let bytes = [2 << 3 | 2, 0].repeat(TRUCKS_MAX + 1);
-        assert_eq!(
-            TruthRecord::decode(&bytes),
-            Err(crate::DecodeError::TooLong)
-        );
+        assert_eq!(TruthRecord::decode(&bytes), Err(crate::DecodeError::TooLong));
     }
 }

@@ -123,20 +123,14 @@ impl<'a> Input<'a> {
 
     /// Takes the next `count` bytes.
     pub(crate) fn take(&mut self, count: usize) -> Result<&'a [u8], DecodeError> {
-        let (head, tail) = self
-            .rest
-            .split_at_checked(count)
-            .ok_or(DecodeError::Truncated)?;
+        let (head, tail) = self.rest.split_at_checked(count).ok_or(DecodeError::Truncated)?;
         self.rest = tail;
         Ok(head)
     }
 
     /// Takes the next `N` bytes as an array.
     pub(crate) fn array<const N: usize>(&mut self) -> Result<[u8; N], DecodeError> {
-        let (head, tail) = self
-            .rest
-            .split_first_chunk()
-            .ok_or(DecodeError::Truncated)?;
+        let (head, tail) = self.rest.split_first_chunk().ok_or(DecodeError::Truncated)?;
         self.rest = tail;
         Ok(*head)
     }
@@ -227,25 +221,17 @@ mod tests {
     fn long_contents_get_a_longer_length_prefix() {
         for length in [0usize, 1, 127, 128, 300, 20_000] {
             let mut bytes = Vec::new();
-            put_delimited(&mut bytes, 3, |out| {
-                out.extend(std::iter::repeat_n(7, length))
-            });
+            put_delimited(&mut bytes, 3, |out| out.extend(std::iter::repeat_n(7, length)));
             let mut input = Input::new(&bytes);
             assert_eq!(input.tag(), Ok((3, WireType::Length)));
-            assert_eq!(
-                input.delimited().map(|inner| inner.remaining().len()),
-                Ok(length)
-            );
+            assert_eq!(input.delimited().map(|inner| inner.remaining().len()), Ok(length));
             assert!(input.is_empty());
         }
     }
 
     #[test]
     fn an_endless_varint_is_refused() {
-        assert_eq!(
-            Input::new(&[0xff; 32]).varint(),
-            Err(DecodeError::Malformed)
-        );
+        assert_eq!(Input::new(&[0xff; 32]).varint(), Err(DecodeError::Malformed));
         assert_eq!(Input::new(&[0xff; 3]).varint(), Err(DecodeError::Truncated));
     }
 

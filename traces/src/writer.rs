@@ -181,14 +181,10 @@ impl Heads {
         fill_slot(frame, || Some(numbered(rings.frames.pop()?, Item::Frame)));
         fill_slot(tick, || Some(numbered(rings.ticks.pop()?, Item::Tick)));
         fill_slot(truth, || {
-            Some(numbered(rings.truths.pop()?, |record| {
-                Item::Truth(Box::new(record))
-            }))
+            Some(numbered(rings.truths.pop()?, |record| Item::Truth(Box::new(record))))
         });
         fill_slot(memory, || {
-            Some(numbered(rings.memories.pop()?, |record| {
-                Item::Memory(Box::new(record))
-            }))
+            Some(numbered(rings.memories.pop()?, |record| Item::Memory(Box::new(record))))
         });
     }
 

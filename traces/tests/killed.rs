@@ -61,14 +61,8 @@ fn what_was_on_disk_when_the_process_was_killed_is_merged() {
     assert!(seen >= TICKS_FIRST, "the child wrote {seen} ticks only");
 
     let found = ticks(&part);
-    assert!(
-        found.len() >= seen,
-        "what could be read before the kill is still there"
-    );
-    assert!(
-        found.iter().copied().eq(0..found.len() as u32),
-        "without gaps from the start"
-    );
+    assert!(found.len() >= seen, "what could be read before the kill is still there");
+    assert!(found.iter().copied().eq(0..found.len() as u32), "without gaps from the start");
     let out = folder.join("run.mcap");
     let report = traces::merge(&[part], &out, &MergeOptions::default()).expect("merges");
     assert_eq!(report.messages, found.len() as u64);
@@ -86,11 +80,7 @@ fn records_until_killed() {
     let mut recorder = Recorder::start(&path, options).expect("starts");
     for tick in 0.. {
         let time_ns = u64::from(tick) * 1_000_000;
-        recorder.push(TickRecord {
-            time_ns,
-            tick,
-            ..TickRecord::default()
-        });
+        recorder.push(TickRecord { time_ns, tick, ..TickRecord::default() });
         std::thread::sleep(Duration::from_millis(1));
     }
 }

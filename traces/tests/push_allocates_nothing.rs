@@ -1,9 +1,6 @@
 //! Handing a record to the recorder costs the loop no allocation, full ring or not.
 
-#![expect(
-    unsafe_code,
-    reason = "a global allocator that counts is an unsafe trait"
-)]
+#![expect(unsafe_code, reason = "a global allocator that counts is an unsafe trait")]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -41,26 +38,11 @@ static ALLOCATOR: Counting = Counting;
 #[test]
 fn a_push_neither_allocates_nor_frees() {
     let path = std::env::temp_dir().join(format!("traces-alloc-{}.mcap", std::process::id()));
-    let capacity = Capacity {
-        frames: 64,
-        ticks: 64,
-        truths: 4,
-        memories: 4,
-    };
-    let options = RecorderOptions {
-        capacity,
-        ..RecorderOptions::new(Source::Rig)
-    };
+    let capacity = Capacity { frames: 64, ticks: 64, truths: 4, memories: 4 };
+    let options = RecorderOptions { capacity, ..RecorderOptions::new(Source::Rig) };
     let mut recorder = Recorder::start(&path, options).expect("starts");
     let frame = Frame::new(1, FrameFlags::default(), &[1, 2]).expect("valid");
-    let frame = FrameRecord {
-        bus: 0,
-        time_ns: 0,
-        stamp_ns: 0,
-        tick: 0,
-        tx: true,
-        frame,
-    };
+    let frame = FrameRecord { bus: 0, time_ns: 0, stamp_ns: 0, tick: 0, tx: true, frame };
 
     let before = ALLOCATIONS.get();
     for _ in 0..10_000 {

@@ -225,17 +225,11 @@ enum Need {
 fn judge(name: &str, link: &Link) -> Result<Need, CanError> {
     let kind = link.kind.as_deref().unwrap_or("hardware");
     if kind != "vcan" {
-        return Err(CanError::OtherKind {
-            name: name.into(),
-            kind: kind.into(),
-        });
+        return Err(CanError::OtherKind { name: name.into(), kind: kind.into() });
     }
     match (link.is_up, link.mtu >= FD_MTU) {
         (true, true) => Ok(Need::Nothing),
-        (true, false) => Err(CanError::NotFd {
-            name: name.into(),
-            mtu: link.mtu,
-        }),
+        (true, false) => Err(CanError::NotFd { name: name.into(), mtu: link.mtu }),
         (false, _) => Ok(Need::Configuring),
     }
 }
@@ -266,10 +260,7 @@ fn ensure_one(name: &str, done: &mut Created) -> Result<(), CanError> {
 fn create(name: &str, done: &mut Created) -> Result<(), socketcan::Error> {
     CanInterface::create_vcan(name, None)?;
     if let Ok(Some(link)) = Link::find(name) {
-        done.created.push(Vcan {
-            name: name.into(),
-            index: link.index,
-        });
+        done.created.push(Vcan { name: name.into(), index: link.index });
     }
     Ok(())
 }
@@ -305,40 +296,24 @@ fn remove_one(vcan: &Vcan) -> Result<(), CanError> {
     if !still_ours {
         return Ok(());
     }
-    CanInterface::open_iface(vcan.index)
-        .delete()
-        .map_err(|(_, error)| {
-            let (action, name) = ("removing", vcan.name.clone());
-            CanError::Netlink {
-                action,
-                name,
-                error: io::Error::other(error.to_string()),
-            }
-        })
+    CanInterface::open_iface(vcan.index).delete().map_err(|(_, error)| {
+        let (action, name) = ("removing", vcan.name.clone());
+        CanError::Netlink { action, name, error: io::Error::other(error.to_string()) }
+    })
 }
 
 /// Looks an interface up, with an error that names it.
 fn find(name: &str) -> Result<Option<Link>, CanError> {
     let action = "reading";
-    Link::find(name).map_err(|error| CanError::Netlink {
-        action,
-        name: name.into(),
-        error,
-    })
+    Link::find(name).map_err(|error| CanError::Netlink { action, name: name.into(), error })
 }
 
 /// The kernel's own rule for interface names (dev_valid_name).
 fn check_name(name: &str) -> Result<(), CanError> {
     let length_ok = (1..=NAME_BYTES_MAX).contains(&name.len());
-    let bytes_ok = name
-        .bytes()
-        .all(|byte| byte.is_ascii_graphic() && !b"/:".contains(&byte));
+    let bytes_ok = name.bytes().all(|byte| byte.is_ascii_graphic() && !b"/:".contains(&byte));
     let ok = length_ok && bytes_ok && name != "." && name != "..";
-    if ok {
-        Ok(())
-    } else {
-        Err(CanError::BadName(name.into()))
-    }
+    if ok { Ok(()) } else { Err(CanError::BadName(name.into())) }
 }
 
 #[cfg(test)]
@@ -346,12 +321,7 @@ mod tests {
     use super::*;
 
     fn link(kind: Option<&str>, mtu: u32, is_up: bool) -> Link {
-        Link {
-            index: 7,
-            kind: kind.map(Into::into),
-            mtu,
-            is_up,
-        }
+        Link { index: 7, kind: kind.map(Into::into), mtu, is_up }
     }
 
     #[test]
@@ -360,23 +330,13 @@ mod tests {
         assert_eq!(classify(libc::EPROTONOSUPPORT), CanSupport::NoRawProtocol);
         assert_eq!(classify(libc::EPERM), CanSupport::NotPermitted);
         assert_eq!(classify(libc::ENOMEM), CanSupport::Refused(libc::ENOMEM));
-        assert!(
-            CanSupport::NoAddressFamily
-                .to_string()
-                .contains("modprobe -a can")
-        );
+        assert!(CanSupport::NoAddressFamily.to_string().contains("modprobe -a can"));
     }
 
     #[test]
     fn an_fd_vcan_that_is_up_needs_nothing() {
-        assert_eq!(
-            judge("truck0", &link(Some("vcan"), 72, true)).expect("usable"),
-            Need::Nothing
-        );
-        assert_eq!(
-            judge("truck0", &link(Some("vcan"), 2060, true)).expect("XL"),
-            Need::Nothing
-        );
+        assert_eq!(judge("truck0", &link(Some("vcan"), 72, true)).expect("usable"), Need::Nothing);
+        assert_eq!(judge("truck0", &link(Some("vcan"), 2060, true)).expect("XL"), Need::Nothing);
     }
 
     #[test]
@@ -390,21 +350,12 @@ mod tests {
     #[test]
     fn a_classic_vcan_in_use_is_refused_with_the_command_that_mends_it() {
         let error = judge("truck0", &link(Some("vcan"), 16, true)).expect_err("not FD");
-        assert!(
-            error.to_string().contains("ip link set truck0 mtu 72 up"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("ip link set truck0 mtu 72 up"), "{error}");
     }
 
     #[test]
     fn no_other_kind_of_interface_is_ever_taken() {
-        for kind in [
-            None,
-            Some("can"),
-            Some("vxcan"),
-            Some("slcan"),
-            Some("bridge"),
-        ] {
+        for kind in [None, Some("can"), Some("vxcan"), Some("slcan"), Some("bridge")] {
             let error = judge("can0", &link(kind, 72, false)).expect_err("not a vcan");
             assert!(matches!(error, CanError::OtherKind { .. }), "{error}");
         }
@@ -412,17 +363,7 @@ mod tests {
 
     #[test]
     fn names_the_kernel_would_refuse_are_refused_before_anything_is_made() {
-        for name in [
-            "",
-            ".",
-            "..",
-            "a b",
-            "a/b",
-            "a:b",
-            "sixteen-letters-",
-            "träger",
-            "a\0b",
-        ] {
+        for name in ["", ".", "..", "a b", "a/b", "a:b", "sixteen-letters-", "träger", "a\0b"] {
             let error = ensure_vcan(&["truck0", name]).expect_err("bad name");
             assert!(matches!(error, CanError::BadName(_)), "{name:?}: {error}");
         }
@@ -432,30 +373,19 @@ mod tests {
     #[test]
     fn the_error_for_a_kernel_without_can_carries_the_remedy() {
         let error = CanError::NoCan(CanSupport::NoAddressFamily).to_string();
-        assert!(
-            error.starts_with("virtual CAN: the kernel has no CAN"),
-            "{error}"
-        );
+        assert!(error.starts_with("virtual CAN: the kernel has no CAN"), "{error}");
         assert!(error.contains("sudo modprobe -a can can_raw"), "{error}");
     }
 
     #[test]
     fn removing_nothing_is_no_error() {
         remove_vcan(&[]).expect("nothing to do");
-        remove_vcan(&[Vcan {
-            name: "no-such-link".into(),
-            index: 9,
-        }])
-        .expect("already gone");
+        remove_vcan(&[Vcan { name: "no-such-link".into(), index: 9 }]).expect("already gone");
     }
 
     #[test]
     fn an_interface_that_is_not_the_one_we_made_is_not_removed() {
-        remove_vcan(&[Vcan {
-            name: "lo".into(),
-            index: 1,
-        }])
-        .expect("left alone");
+        remove_vcan(&[Vcan { name: "lo".into(), index: 1 }]).expect("left alone");
         assert!(Link::find("lo").expect("netlink answers").is_some());
     }
 }

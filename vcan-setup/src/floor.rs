@@ -104,8 +104,7 @@ impl Floor {
     pub fn lateness_ns(&self) -> Histogram<u64> {
         let mut all = empty_histogram();
         for cpu in &self.cpus {
-            all.add(&cpu.lateness_ns)
-                .expect("the histograms have the same bounds");
+            all.add(&cpu.lateness_ns).expect("the histograms have the same bounds");
         }
         all
     }
@@ -170,17 +169,11 @@ impl Sentinel {
         if options.period_ns < PERIOD_NS_MIN {
             return Err(FloorError::PeriodTooShort(options.period_ns));
         }
-        let mut sentinel = Self {
-            stop: Arc::default(),
-            threads: Vec::new(),
-        };
+        let mut sentinel = Self { stop: Arc::default(), threads: Vec::new() };
         for &cpu in &options.cpus {
             let stop = Arc::clone(&sentinel.stop);
-            let request = Request {
-                priority: options.priority,
-                cpus: vec![cpu],
-                ..Request::default()
-            };
+            let request =
+                Request { priority: options.priority, cpus: vec![cpu], ..Request::default() };
             let period_ns = options.period_ns;
             let thread = std::thread::Builder::new()
                 .name(format!("floor-{cpu}"))
@@ -196,9 +189,7 @@ impl Sentinel {
     pub fn stop(mut self) -> Floor {
         self.stop.store(true, Ordering::Relaxed);
         let finish = |thread: JoinHandle<CpuFloor>| thread.join().expect("watch does not panic");
-        Floor {
-            cpus: self.threads.drain(..).map(finish).collect(),
-        }
+        Floor { cpus: self.threads.drain(..).map(finish).collect() }
     }
 }
 
@@ -241,11 +232,7 @@ struct Grid {
 
 impl Grid {
     fn new(period_ns: u64) -> Self {
-        Self {
-            period_ns,
-            lateness_ns: empty_histogram(),
-            slept_through: 0,
-        }
+        Self { period_ns, lateness_ns: empty_histogram(), slept_through: 0 }
     }
 
     /// Notes a wake at `now_ns` for the point due at `due_ns`, and every point passed since;
@@ -255,11 +242,9 @@ impl Grid {
         let passed = late_ns / self.period_ns;
         let each = passed.min(SLEPT_THROUGH_EACH_MAX);
         for point in 0..=each {
-            self.lateness_ns
-                .saturating_record(late_ns - point * self.period_ns);
+            self.lateness_ns.saturating_record(late_ns - point * self.period_ns);
         }
-        self.lateness_ns
-            .saturating_record_n(late_ns - each * self.period_ns, passed - each);
+        self.lateness_ns.saturating_record_n(late_ns - each * self.period_ns, passed - each);
         self.slept_through += passed;
         due_ns + (passed + 1) * self.period_ns
     }
@@ -328,11 +313,7 @@ mod tests {
     #[test]
     fn a_blocking_measurement_covers_its_whole_grid() {
         let cpu = realtime::acquire(&Request::default()).cpus[0];
-        let options = FloorOptions {
-            cpus: vec![cpu],
-            period_ns: MS,
-            priority: None,
-        };
+        let options = FloorOptions { cpus: vec![cpu], period_ns: MS, priority: None };
         let floor = measure(&options, Duration::from_millis(50)).expect("one thread can start");
         // The grid starts when the thread does; however late that is, no point after it is lost.
         assert!(floor.samples() > floor.slept_through());
@@ -344,11 +325,7 @@ mod tests {
 
     #[test]
     fn a_sentinel_that_is_dropped_leaves_no_thread_behind() {
-        let options = FloorOptions {
-            cpus: vec![0],
-            period_ns: MS,
-            priority: None,
-        };
+        let options = FloorOptions { cpus: vec![0], period_ns: MS, priority: None };
         let sentinel = Sentinel::start(&options).expect("one thread can start");
         let stop = Arc::downgrade(&sentinel.stop);
         drop(sentinel);
@@ -357,20 +334,9 @@ mod tests {
 
     #[test]
     fn senseless_options_are_refused() {
-        let options = FloorOptions {
-            cpus: vec![],
-            period_ns: MS,
-            priority: None,
-        };
+        let options = FloorOptions { cpus: vec![], period_ns: MS, priority: None };
         assert!(matches!(Sentinel::start(&options), Err(FloorError::NoCpus)));
-        let options = FloorOptions {
-            cpus: vec![0],
-            period_ns: 10,
-            priority: None,
-        };
-        assert!(matches!(
-            Sentinel::start(&options),
-            Err(FloorError::PeriodTooShort(10))
-        ));
+        let options = FloorOptions { cpus: vec![0], period_ns: 10, priority: None };
+        assert!(matches!(Sentinel::start(&options), Err(FloorError::PeriodTooShort(10))));
     }
 }

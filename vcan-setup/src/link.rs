@@ -41,34 +41,22 @@ impl Link {
         if let NlPayload::Err(error) = reply.nl_payload() {
             let errno = -*error.error();
             let missing = errno == libc::ENODEV;
-            return if missing {
-                Ok(None)
-            } else {
-                Err(io::Error::from_raw_os_error(errno))
-            };
+            return if missing { Ok(None) } else { Err(io::Error::from_raw_os_error(errno)) };
         }
         Ok(reply.get_payload().map(Self::from_message))
     }
 
     fn from_message(message: &Ifinfomsg) -> Self {
         let attributes = message.rtattrs().get_attr_handle();
-        let kind = attributes
-            .get_nested_attributes::<IflaInfo>(Ifla::Linkinfo)
-            .ok()
-            .and_then(|info| {
-                let kind = info
-                    .get_attribute(IflaInfo::Kind)?
-                    .rta_payload()
-                    .as_ref()
-                    .to_vec();
+        let kind =
+            attributes.get_nested_attributes::<IflaInfo>(Ifla::Linkinfo).ok().and_then(|info| {
+                let kind = info.get_attribute(IflaInfo::Kind)?.rta_payload().as_ref().to_vec();
                 Some(until_nul(&kind))
             });
         Self {
             index: (*message.ifi_index()).unsigned_abs(),
             kind,
-            mtu: attributes
-                .get_attr_payload_as::<u32>(Ifla::Mtu)
-                .unwrap_or(0),
+            mtu: attributes.get_attr_payload_as::<u32>(Ifla::Mtu).unwrap_or(0),
             is_up: message.ifi_flags().contains(Iff::UP),
         }
     }
@@ -109,9 +97,7 @@ mod tests {
 
     #[test]
     fn the_loopback_device_has_an_index_and_no_kind() {
-        let lo = Link::find("lo")
-            .expect("netlink answers")
-            .expect("every Linux has lo");
+        let lo = Link::find("lo").expect("netlink answers").expect("every Linux has lo");
         assert_eq!((lo.index, lo.kind), (1, None));
         assert!(lo.mtu > 0);
     }

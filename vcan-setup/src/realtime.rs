@@ -143,11 +143,7 @@ pub fn acquire(request: &Request) -> Obtained {
     if !request.cpus.is_empty() {
         pin(&request.cpus, &mut refused);
     }
-    let cpu_latency = if request.hold_cpu_latency {
-        hold_cpu_latency(&mut refused)
-    } else {
-        None
-    };
+    let cpu_latency = if request.hold_cpu_latency { hold_cpu_latency(&mut refused) } else { None };
     if let Some(priority) = request.priority {
         raise(priority, &mut refused);
     }
@@ -158,9 +154,7 @@ pub fn acquire(request: &Request) -> Obtained {
         cpus: affinity(),
         mlock: request.lock_memory
             && locked_memory_bytes() > 0
-            && !refused
-                .iter()
-                .any(|refusal| refusal.privilege == Privilege::Memory),
+            && !refused.iter().any(|refusal| refusal.privilege == Privilege::Memory),
         cpu_latency,
         refused,
     }
@@ -171,24 +165,15 @@ fn raise(priority: u8, refused: &mut Vec<Refusal>) {
     let Err(error) = scheduler::set_fifo(priority) else {
         return;
     };
-    let limit = getrlimit(Resource::Rtprio)
-        .current
-        .map_or(99, |limit| limit.min(99));
+    let limit = getrlimit(Resource::Rtprio).current.map_or(99, |limit| limit.min(99));
     let fallback = u8::try_from(limit).unwrap_or(99).min(priority);
     let granted = fallback > 0 && scheduler::set_fifo(fallback).is_ok();
-    let outcome = if granted {
-        format!("runs at {fallback}")
-    } else {
-        "runs without it".into()
-    };
+    let outcome = if granted { format!("runs at {fallback}") } else { "runs without it".into() };
     let reason = format!(
         "SCHED_FIFO {priority}: {error}; {outcome} (real-time priority limit {limit}; allow it \
          with an rtprio line in /etc/security/limits.d, or CAP_SYS_NICE)"
     );
-    refused.push(Refusal {
-        privilege: Privilege::Priority,
-        reason,
-    });
+    refused.push(Refusal { privilege: Privilege::Priority, reason });
 }
 
 /// Restricts the calling thread to `cpus`.
@@ -204,10 +189,7 @@ fn pin(cpus: &[usize], refused: &mut Vec<Refusal>) {
     }
     let why = error.map_or_else(|| "not all exist or are allowed".into(), |e| e.to_string());
     let reason = format!("CPUs {cpus:?}: {why}; runs on {granted:?} (see /sys/devices/system/cpu)");
-    refused.push(Refusal {
-        privilege: Privilege::Cpus,
-        reason,
-    });
+    refused.push(Refusal { privilege: Privilege::Cpus, reason });
 }
 
 /// CPUs the calling thread may run on, ascending.
@@ -215,9 +197,7 @@ fn affinity() -> Vec<usize> {
     let Ok(set) = sched_getaffinity(None) else {
         return Vec::new();
     };
-    (0..CpuSet::MAX_CPU)
-        .filter(|&cpu| set.is_set(cpu))
-        .collect()
+    (0..CpuSet::MAX_CPU).filter(|&cpu| set.is_set(cpu)).collect()
 }
 
 /// Locks present and future memory, then faults in stack and heap.
@@ -231,17 +211,11 @@ fn lock_memory(refused: &mut Vec<Refusal>) {
             "locked memory: the limit is {kib} KiB; runs unlocked (allow it with \
              `ulimit -l unlimited`, a memlock line in /etc/security/limits.d, or CAP_IPC_LOCK)"
         );
-        refused.push(Refusal {
-            privilege: Privilege::Memory,
-            reason,
-        });
+        refused.push(Refusal { privilege: Privilege::Memory, reason });
     } else if let Err(error) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
         let reason =
             format!("locked memory: {error}; runs unlocked (free memory, or CAP_IPC_LOCK)");
-        refused.push(Refusal {
-            privilege: Privilege::Memory,
-            reason,
-        });
+        refused.push(Refusal { privilege: Privilege::Memory, reason });
     }
     scheduler::keep_heap_mapped();
     prefault_heap();
@@ -277,10 +251,7 @@ fn hold_cpu_latency(refused: &mut Vec<Refusal>) -> Option<CpuLatencyHold> {
         Ok(open) => Some(CpuLatencyHold { _open: open }),
         Err(error) => {
             let reason = format!("{path}: {error}; CPUs may idle deeply (open it to this user)");
-            refused.push(Refusal {
-                privilege: Privilege::CpuLatency,
-                reason,
-            });
+            refused.push(Refusal { privilege: Privilege::CpuLatency, reason });
             None
         }
     }
@@ -302,11 +273,7 @@ pub(crate) fn has_capability(bit: u32) -> bool {
 
 /// First word after `key` in the text of /proc/self/status.
 fn status_field<'a>(status: &'a str, key: &str) -> Option<&'a str> {
-    status
-        .lines()
-        .find_map(|line| line.strip_prefix(key))?
-        .split_whitespace()
-        .next()
+    status.lines().find_map(|line| line.strip_prefix(key))?.split_whitespace().next()
 }
 
 #[cfg(test)]
@@ -333,12 +300,8 @@ mod tests {
 
     #[test]
     fn a_priority_is_either_held_or_refused_with_a_remedy() {
-        let obtained = on_own_thread(|| {
-            acquire(&Request {
-                priority: Some(2),
-                ..Request::default()
-            })
-        });
+        let obtained =
+            on_own_thread(|| acquire(&Request { priority: Some(2), ..Request::default() }));
         if obtained.policy == Policy::Fifo && obtained.priority == 2 {
             assert!(obtained.refused.is_empty());
         } else {
@@ -349,12 +312,8 @@ mod tests {
 
     #[test]
     fn an_impossible_priority_is_refused_and_never_reported_as_held() {
-        let obtained = on_own_thread(|| {
-            acquire(&Request {
-                priority: Some(200),
-                ..Request::default()
-            })
-        });
+        let obtained =
+            on_own_thread(|| acquire(&Request { priority: Some(200), ..Request::default() }));
         assert!(obtained.priority <= 99);
         assert_eq!(obtained.refused[0].privilege, Privilege::Priority);
     }
@@ -362,10 +321,7 @@ mod tests {
     #[test]
     fn a_thread_started_from_a_real_time_thread_is_an_ordinary_one() {
         let child = on_own_thread(|| {
-            acquire(&Request {
-                priority: Some(3),
-                ..Request::default()
-            });
+            acquire(&Request { priority: Some(3), ..Request::default() });
             on_own_thread(scheduler::current)
         });
         assert_eq!(child, (Policy::TimeSharing, 0));
@@ -374,10 +330,7 @@ mod tests {
     #[test]
     fn the_affinity_reported_is_the_affinity_set() {
         let cpu = affinity()[0];
-        let request = Request {
-            cpus: vec![cpu],
-            ..Request::default()
-        };
+        let request = Request { cpus: vec![cpu], ..Request::default() };
         let obtained = on_own_thread(|| acquire(&request));
         assert_eq!(obtained.cpus, [cpu]);
         assert!(obtained.refused.is_empty());
@@ -386,10 +339,7 @@ mod tests {
     #[test]
     fn cpus_that_do_not_exist_are_refused() {
         for cpus in [vec![CpuSet::MAX_CPU + 7], vec![0, CpuSet::MAX_CPU - 1]] {
-            let request = Request {
-                cpus,
-                ..Request::default()
-            };
+            let request = Request { cpus, ..Request::default() };
             let obtained = on_own_thread(|| acquire(&request));
             assert_eq!(obtained.refused[0].privilege, Privilege::Cpus);
             assert!(!obtained.cpus.is_empty());
@@ -398,18 +348,11 @@ mod tests {
 
     #[test]
     fn memory_is_locked_exactly_when_it_is_not_refused() {
-        let request = Request {
-            lock_memory: true,
-            hold_cpu_latency: true,
-            ..Request::default()
-        };
+        let request = Request { lock_memory: true, hold_cpu_latency: true, ..Request::default() };
         let obtained = on_own_thread(|| acquire(&request));
         let refused = |privilege| obtained.refused.iter().any(|r| r.privilege == privilege);
         assert_eq!(obtained.mlock, !refused(Privilege::Memory));
-        assert_eq!(
-            obtained.cpu_latency.is_some(),
-            !refused(Privilege::CpuLatency)
-        );
+        assert_eq!(obtained.cpu_latency.is_some(), !refused(Privilege::CpuLatency));
     }
 
     #[test]

@@ -10,36 +10,23 @@ use crate::realtime::Policy;
 /// Puts the calling thread, and no thread or child it starts later, under SCHED_FIFO.
 #[expect(unsafe_code, reason = "sched_setscheduler has no safe wrapper")]
 pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
-    let param = libc::sched_param {
-        sched_priority: i32::from(priority),
-    };
+    let param = libc::sched_param { sched_priority: i32::from(priority) };
     // SCHED_RESET_ON_FORK keeps the recorder and other helpers out of the real-time class.
     let policy = libc::SCHED_FIFO | libc::SCHED_RESET_ON_FORK;
     // SAFETY: `param` is a valid, initialised sched_param that outlives the call, which only reads
     // it; thread id 0 means the calling thread.
     let status = unsafe { libc::sched_setscheduler(0, policy, &raw const param) };
-    if status == 0 {
-        Ok(())
-    } else {
-        Err(io::Error::last_os_error())
-    }
+    if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
 /// The policy and static priority the kernel holds for the calling thread.
-#[expect(
-    unsafe_code,
-    reason = "sched_getscheduler and sched_getparam have no safe wrapper"
-)]
+#[expect(unsafe_code, reason = "sched_getscheduler and sched_getparam have no safe wrapper")]
 pub(crate) fn current() -> (Policy, u8) {
     let mut param = libc::sched_param { sched_priority: 0 };
     // SAFETY: sched_getscheduler takes no pointer; `param` is a valid sched_param that
     // sched_getparam may write, and it outlives the call.
-    let (policy, status) = unsafe {
-        (
-            libc::sched_getscheduler(0),
-            libc::sched_getparam(0, &raw mut param),
-        )
-    };
+    let (policy, status) =
+        unsafe { (libc::sched_getscheduler(0), libc::sched_getparam(0, &raw mut param)) };
     let priority = if status == 0 { param.sched_priority } else { 0 };
     let policy = match policy & !libc::SCHED_RESET_ON_FORK {
         libc::SCHED_FIFO => Policy::Fifo,

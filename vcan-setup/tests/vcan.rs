@@ -12,9 +12,7 @@ fn interfaces_come_up_ready_for_can_fd_and_go_away_again() {
     assert_eq!(made.created.len(), 2);
     assert!(made.reused.is_empty());
     for name in ["pt-a0", "pt-a1"] {
-        let details = CanInterface::open(name)
-            .and_then(|link| link.details())
-            .expect("exists");
+        let details = CanInterface::open(name).and_then(|link| link.details()).expect("exists");
         assert!(details.is_up, "{name}");
         assert_eq!(details.mtu, Some(Mtu::Fd), "{name}");
     }
@@ -31,10 +29,7 @@ fn the_second_call_reuses_what_the_first_made() {
     assert!(second.created.is_empty());
     assert_eq!(second.reused, ["pt-b0"]);
     remove_vcan(&second.created).expect("nothing to remove");
-    assert!(
-        CanInterface::open("pt-b0").is_ok(),
-        "what another call made stays"
-    );
+    assert!(CanInterface::open("pt-b0").is_ok(), "what another call made stays");
     remove_vcan(&first.created).expect("ours to remove");
 }
 
@@ -48,10 +43,7 @@ fn calls_at_the_same_time_end_with_one_interface_and_one_owner() {
         made.filter(|created| !created.is_empty()).count()
     });
     assert_eq!(owners, 1);
-    CanInterface::open("pt-c0")
-        .expect("exists")
-        .delete()
-        .expect("removable");
+    CanInterface::open("pt-c0").expect("exists").delete().expect("removable");
 }
 
 #[test]
@@ -82,8 +74,5 @@ fn a_classic_vcan_in_use_is_refused_and_left_as_it_is() {
 fn a_refused_name_leaves_nothing_of_the_others_behind() {
     let error = ensure_vcan(&["pt-f0", "lo"]).expect_err("lo is no vcan");
     assert!(matches!(error, CanError::OtherKind { .. }), "{error}");
-    assert!(
-        CanInterface::open("pt-f0").is_err(),
-        "pt-f0 was removed again"
-    );
+    assert!(CanInterface::open("pt-f0").is_err(), "pt-f0 was removed again");
 }

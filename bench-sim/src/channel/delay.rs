@@ -104,13 +104,7 @@ pub(super) struct Measured {
 impl Measured {
     pub(super) fn new() -> Self {
         let history = [(0, 0); REMEMBERED];
-        Self {
-            range_ns: None,
-            rate_max: None,
-            newest_ns: None,
-            history,
-            count: 0,
-        }
+        Self { range_ns: None, rate_max: None, newest_ns: None, history, count: 0 }
     }
 
     /// Takes in one delivered message.

@@ -22,33 +22,18 @@ impl Criterion {
     /// A criterion that holds while the value is not above the limit; without a value it fails.
     pub fn at_most(name: &str, limit: f64, value: Option<f64>) -> Self {
         let passed = value.is_some_and(|value| value <= limit);
-        Self {
-            name: name.to_owned(),
-            limit,
-            value,
-            passed,
-        }
+        Self { name: name.to_owned(), limit, value, passed }
     }
 
     /// A criterion that holds while the value is not below the limit; without a value it holds.
     pub fn at_least(name: &str, limit: f64, value: Option<f64>) -> Self {
         let passed = value.is_none_or(|value| value >= limit);
-        Self {
-            name: name.to_owned(),
-            limit,
-            value,
-            passed,
-        }
+        Self { name: name.to_owned(), limit, value, passed }
     }
 
     /// A criterion that holds while the value is the limit.
     pub fn exactly(name: &str, limit: f64, value: f64) -> Self {
-        Self {
-            name: name.to_owned(),
-            limit,
-            value: Some(value),
-            passed: value == limit,
-        }
+        Self { name: name.to_owned(), limit, value: Some(value), passed: value == limit }
     }
 }
 
@@ -61,28 +46,14 @@ pub(crate) fn judge(limits: &Criteria, trucks: &[TruckResult]) -> Vec<Criterion>
     judge_lower_limits(limits, trucks, &mut judged);
     judge_settling(limits, trucks, &mut judged);
     if let Some(limit) = limits.lane_crossings {
-        let off = trucks
-            .iter()
-            .map(|t| t.lane_crossings)
-            .find(|&count| count != limit);
+        let off = trucks.iter().map(|t| t.lane_crossings).find(|&count| count != limit);
         let value = f64::from(off.unwrap_or(limit));
-        judged.push(Criterion::exactly(
-            "lane_crossings",
-            f64::from(limit),
-            value,
-        ));
+        judged.push(Criterion::exactly("lane_crossings", f64::from(limit), value));
     }
     for number in &limits.passed_obstacles {
-        let passed = trucks
-            .iter()
-            .filter(|t| t.passed_obstacles.contains(number))
-            .count();
+        let passed = trucks.iter().filter(|t| t.passed_obstacles.contains(number)).count();
         let name = format!("passed_obstacle_{number}");
-        judged.push(Criterion::exactly(
-            &name,
-            trucks.len() as f64,
-            passed as f64,
-        ));
+        judged.push(Criterion::exactly(&name, trucks.len() as f64, passed as f64));
     }
     judged
 }
@@ -93,27 +64,15 @@ type MaybeMeasure = fn(&TruckResult) -> Option<f64>;
 fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
     let lost = limits.max_lost_commands.map(f64::from);
     let table: [(&str, Option<f64>, Measure); 8] = [
-        (
-            "max_predecessor_error_m",
-            limits.max_predecessor_error_m,
-            |t| t.max_abs_predecessor_error_m,
-        ),
-        ("max_steer_rad", limits.max_steer_rad, |t| {
-            t.max_abs_steer_rad
+        ("max_predecessor_error_m", limits.max_predecessor_error_m, |t| {
+            t.max_abs_predecessor_error_m
         }),
-        (
-            "max_lateral_accel_mps2",
-            limits.max_lateral_accel_mps2,
-            |t| t.max_abs_lateral_accel_mps2,
-        ),
+        ("max_steer_rad", limits.max_steer_rad, |t| t.max_abs_steer_rad),
+        ("max_lateral_accel_mps2", limits.max_lateral_accel_mps2, |t| t.max_abs_lateral_accel_mps2),
         ("max_y_m", limits.max_y_m, |t| t.max_y_m),
         ("max_force_n", limits.max_force_n, |t| t.max_force_n),
-        ("max_force_rate_nps", limits.max_force_rate_nps, |t| {
-            t.max_force_rate_nps
-        }),
-        ("max_steer_rate_radps", limits.max_steer_rate_radps, |t| {
-            t.max_steer_rate_radps
-        }),
+        ("max_force_rate_nps", limits.max_force_rate_nps, |t| t.max_force_rate_nps),
+        ("max_steer_rate_radps", limits.max_steer_rate_radps, |t| t.max_steer_rate_radps),
         ("max_lost_commands", lost, |t| f64::from(t.lost_commands)),
     ];
     for (name, limit, measure) in table {
@@ -126,12 +85,8 @@ fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 
 fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
     let table: [(&str, Option<f64>, MaybeMeasure); 4] = [
-        ("min_clearance_m", limits.min_clearance_m, |t| {
-            t.min_obstacle_clearance_m
-        }),
-        ("min_truck_gap_m", limits.min_truck_gap_m, |t| {
-            t.min_truck_gap_m
-        }),
+        ("min_clearance_m", limits.min_clearance_m, |t| t.min_obstacle_clearance_m),
+        ("min_truck_gap_m", limits.min_truck_gap_m, |t| t.min_truck_gap_m),
         ("min_y_m", limits.min_y_m, |t| Some(t.min_y_m)),
         ("min_force_n", limits.min_force_n, |t| Some(t.min_force_n)),
     ];
@@ -145,12 +100,8 @@ fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 
 fn judge_settling(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
     let table: [(&str, Option<f64>, MaybeMeasure); 2] = [
-        ("settled_position_s", limits.settled_position_s, |t| {
-            t.settled_position_s
-        }),
-        ("settled_speed_s", limits.settled_speed_s, |t| {
-            t.settled_speed_s
-        }),
+        ("settled_position_s", limits.settled_position_s, |t| t.settled_position_s),
+        ("settled_speed_s", limits.settled_speed_s, |t| t.settled_speed_s),
     ];
     for (name, limit, measure) in table {
         if let Some(limit) = limit {

@@ -17,12 +17,7 @@ fn measure(instants: &[Vec<Truck>], obstacles: &[Obstacle]) -> Vec<TruckResult> 
     let commands = vec![Command::default(); 4];
     for (second, trucks) in instants.iter().enumerate() {
         let time_ns = second as u64 * 1_000_000_000;
-        metrics.sample(&Sample {
-            time_ns,
-            trucks,
-            commands: &commands,
-            obstacles,
-        });
+        metrics.sample(&Sample { time_ns, trucks, commands: &commands, obstacles });
     }
     metrics.results([(&CommandRange::default(), 0); 4].into_iter())
 }
@@ -36,25 +31,16 @@ fn platoon(offsets_m: [f64; 4], y_m: f64, forward_mps: f64) -> Vec<Truck> {
 fn errors_are_positive_for_a_truck_that_lags() {
     let results = measure(&[platoon([0.0, -1.0, -3.0, 0.0], 0.0, 18.0)], &[]);
     let leader: Vec<f64> = results.iter().map(|t| t.max_abs_leader_error_m).collect();
-    let last: Vec<f64> = results
-        .iter()
-        .map(|t| t.final_predecessor_error_m)
-        .collect();
+    let last: Vec<f64> = results.iter().map(|t| t.final_predecessor_error_m).collect();
     assert_eq!(leader, [0.0, 1.0, 3.0, 0.0]);
     assert_eq!(last, [0.0, 1.0, 2.0, -3.0]);
 }
 
 #[test]
 fn settling_is_the_last_instant_outside_and_never_when_that_is_the_end() {
-    let (home, away) = (
-        platoon([0.0; 4], 0.0, 18.0),
-        platoon([0.0, -0.6, 0.0, 0.0], 0.0, 18.0),
-    );
+    let (home, away) = (platoon([0.0; 4], 0.0, 18.0), platoon([0.0, -0.6, 0.0, 0.0], 0.0, 18.0));
     let slow = platoon([0.0; 4], 0.0, 17.7);
-    let results = measure(
-        &[home.clone(), away.clone(), home.clone(), slow, home.clone()],
-        &[],
-    );
+    let results = measure(&[home.clone(), away.clone(), home.clone(), slow, home.clone()], &[]);
     assert_eq!(
         (results[1].settled_position_s, results[2].settled_position_s),
         (Some(1.0), Some(0.0))
@@ -90,20 +76,10 @@ fn passing_needs_to_have_been_behind() {
     let later = platoon([40.0, 85.0, 75.0, 0.0], 0.0, 18.0);
     let passed = |instants: &[Vec<Truck>]| -> Vec<usize> {
         let results = measure(instants, &[van]);
-        results
-            .iter()
-            .filter(|t| t.passed_obstacles == [1])
-            .map(|t| t.index)
-            .collect()
+        results.iter().filter(|t| t.passed_obstacles == [1]).map(|t| t.index).collect()
     };
-    assert_eq!(
-        passed(&[start.clone(), start.clone(), later.clone()]),
-        [0, 1]
-    );
-    assert!(
-        passed(&[start, later]).is_empty(),
-        "ahead when it appeared is not passed"
-    );
+    assert_eq!(passed(&[start.clone(), start.clone(), later.clone()]), [0, 1]);
+    assert!(passed(&[start, later]).is_empty(), "ahead when it appeared is not passed");
 }
 
 #[test]
@@ -117,11 +93,7 @@ fn one_truck_that_never_settles_fails_the_platoon() {
         ..TruckResult::default()
     };
     let failed = |trucks: &[TruckResult]| -> Vec<String> {
-        judge(&limits, trucks)
-            .into_iter()
-            .filter(|c| !c.passed)
-            .map(|c| c.name)
-            .collect()
+        judge(&limits, trucks).into_iter().filter(|c| !c.passed).map(|c| c.name).collect()
     };
     assert!(failed(&[good.clone(), good.clone()]).is_empty());
     let bad = TruckResult {
@@ -152,13 +124,9 @@ fn one_truck_that_never_settles_fails_the_platoon() {
 fn every_limit_of_the_scenario_is_judged_except_the_ecus_own() {
     let judged = judge(&scenario().criteria, &[TruckResult::default()]);
     let table = toml::Table::try_from(scenario().criteria).expect("criteria are TOML");
-    let keys = table
-        .keys()
-        .filter(|key| !key.ends_with("_band_m") && !key.ends_with("_band_mps"));
+    let keys = table.keys().filter(|key| !key.ends_with("_band_m") && !key.ends_with("_band_mps"));
     for key in keys.filter(|key| *key != "max_qp_failures") {
-        let stem = key
-            .strip_suffix("_obstacles")
-            .map_or(key.as_str(), |_| "passed_obstacle_1");
+        let stem = key.strip_suffix("_obstacles").map_or(key.as_str(), |_| "passed_obstacle_1");
         assert!(judged.iter().any(|c| c.name == stem), "{key} is not judged");
     }
 }

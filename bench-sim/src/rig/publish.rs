@@ -95,15 +95,10 @@ impl Rig {
         }
         self.published = Some(newest);
         self.tap.tick = newest;
-        for (node, (navigation, snapshot)) in self
-            .nodes
-            .iter_mut()
-            .zip(self.navigation.iter_mut().zip(&self.snapshots))
+        for (node, (navigation, snapshot)) in
+            self.nodes.iter_mut().zip(self.navigation.iter_mut().zip(&self.snapshots))
         {
-            node.send(
-                &Message::EgoState(navigation.solve(snapshot)),
-                &mut self.tap,
-            );
+            node.send(&Message::EgoState(navigation.solve(snapshot)), &mut self.tap);
         }
     }
 
@@ -120,10 +115,7 @@ impl Rig {
 
     /// The noise-free world now.
     pub(crate) fn truth(&self) -> TruthRecord {
-        let mut truth = TruthRecord {
-            time_ns: self.time_ns(),
-            ..TruthRecord::default()
-        };
+        let mut truth = TruthRecord { time_ns: self.time_ns(), ..TruthRecord::default() };
         let full = "a scenario has no more trucks and obstacles than a record";
         for truck in 0..self.trucks.len() {
             truth.trucks.push(self.truck_truth(truck)).expect(full);

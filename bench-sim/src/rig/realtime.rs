@@ -36,12 +36,7 @@ pub struct RunOptions<'a> {
 impl<'a> RunOptions<'a> {
     /// Ten seconds to get ready, and the recorder's start time left alone.
     pub fn new(clock: &'a dyn Clock, stop: &'a AtomicBool) -> Self {
-        Self {
-            clock,
-            stop,
-            ready_timeout_ns: READY_TIMEOUT_NS,
-            wall_minus_clock_ns: None,
-        }
+        Self { clock, stop, ready_timeout_ns: READY_TIMEOUT_NS, wall_minus_clock_ns: None }
     }
 }
 
@@ -154,9 +149,7 @@ fn prepare(
         let now_ns = options.clock.now_ns();
         if now_ns >= invite_ns {
             rig.invite();
-            progress(&Progress::Preparing {
-                missing: rig.silent_trucks().count(),
-            });
+            progress(&Progress::Preparing { missing: rig.silent_trucks().count() });
             invite_ns = now_ns + CYCLE_NS;
         }
         if rig.ready() {
@@ -172,15 +165,9 @@ fn prepare(
 }
 
 fn refuse_faults(rig: &Rig) -> Result<(), RunError> {
-    let faulty = rig
-        .nodes
-        .iter()
-        .position(|node| node.ecu_mode == Some(EcuMode::Fault));
+    let faulty = rig.nodes.iter().position(|node| node.ecu_mode == Some(EcuMode::Fault));
     match faulty {
-        Some(truck) => Err(RunError::Fault {
-            truck,
-            bus: rig.bus(truck).name().to_owned(),
-        }),
+        Some(truck) => Err(RunError::Fault { truck, bus: rig.bus(truck).name().to_owned() }),
         None => Ok(()),
     }
 }
@@ -229,21 +216,13 @@ fn pace(
             progress_ns = rig.time_ns() + CYCLE_NS;
         }
     }
-    report.end = if rig.finished() {
-        RunEnd::Finished
-    } else {
-        RunEnd::Stopped
-    };
+    report.end = if rig.finished() { RunEnd::Finished } else { RunEnd::Stopped };
     report
 }
 
 fn running(rig: &Rig, late_wakes: u64) -> Progress {
     let time_s = rig.time_ns() as f64 * 1e-9;
-    Progress::Running {
-        time_s,
-        duration_s: rig.scenario().duration_s,
-        late_wakes,
-    }
+    Progress::Running { time_s, duration_s: rig.scenario().duration_s, late_wakes }
 }
 
 /// Tells the ECUs three times that it is over, in case a frame is lost.

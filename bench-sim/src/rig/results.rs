@@ -37,11 +37,9 @@ impl Results {
 impl Rig {
     /// What the run came to so far. A run that has not reached its end fails the first criterion.
     pub fn results(&self) -> Results {
-        let trucks = self.metrics.results(
-            self.nodes
-                .iter()
-                .map(|node| (node.watch.range(), node.counts.lost_commands)),
-        );
+        let trucks = self
+            .metrics
+            .results(self.nodes.iter().map(|node| (node.watch.range(), node.counts.lost_commands)));
         let duration_s = self.time_ns() as f64 * 1e-9;
         let limit_s = self.scenario.duration_s;
         let complete = Criterion {

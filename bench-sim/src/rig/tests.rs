@@ -41,9 +41,7 @@ impl TestEcu {
 
     fn send(&mut self, message: &Message) {
         let alive = &mut self.alive[message.index()];
-        self.bus
-            .send(&message.encode(*alive).expect("in range"))
-            .expect("room");
+        self.bus.send(&message.encode(*alive).expect("in range")).expect("room");
         *alive = alive.wrapping_add(1);
     }
 
@@ -90,13 +88,7 @@ impl TestEcu {
 }
 
 fn status(ecu_mode: EcuMode) -> EcuStatus {
-    EcuStatus {
-        ecu_mode,
-        gain_id: 0,
-        tick_count: 0,
-        misses: 0,
-        skipped: 0,
-    }
+    EcuStatus { ecu_mode, gain_id: 0, tick_count: 0, misses: 0, skipped: 0 }
 }
 
 fn broadcast(ego: &EgoState) -> V2vOut {
@@ -114,10 +106,7 @@ fn broadcast(ego: &EgoState) -> V2vOut {
 }
 
 fn scenario(sets: &[(&str, &str)]) -> Scenario {
-    let sets: Vec<_> = sets
-        .iter()
-        .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()))
-        .collect();
+    let sets: Vec<_> = sets.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     Scenario::load("obstacle-avoidance", &sets).expect("fits")
 }
 
@@ -129,10 +118,7 @@ fn bench(scenario: &Scenario, seed: u64, rate_hz: u32) -> (Rig, Vec<TestEcu>) {
         rig_ends.push(Box::new(rig_end));
         ecus.push(TestEcu::new(ecu_end));
     }
-    (
-        Rig::new(scenario, seed, rate_hz, rig_ends, None).expect("fits"),
-        ecus,
-    )
+    (Rig::new(scenario, seed, rate_hz, rig_ends, None).expect("fits"), ecus)
 }
 
 fn start(rig: &mut Rig, ecus: &mut [TestEcu]) {
@@ -173,15 +159,9 @@ fn the_run_starts_when_every_ecu_is_ready_with_tick_zero_at_time_zero() {
     rig.start();
     ecus.iter_mut().for_each(TestEcu::drain);
     let ego = ecus[2].ego.expect("published");
-    assert_eq!(
-        (ego.tick, ego.bench_time_ns, ego.position_x_m),
-        (0, 0, -100.0)
-    );
+    assert_eq!((ego.tick, ego.bench_time_ns, ego.position_x_m), (0, 0, -100.0));
     let mission = ecus[2].mission.expect("published");
-    assert_eq!(
-        (mission.truck_index, mission.run_state),
-        (2, RunState::Running)
-    );
+    assert_eq!((mission.truck_index, mission.run_state), (2, RunState::Running));
     rig.end();
     ecus[2].drain();
     assert_eq!(ecus[2].mission.map(|m| m.run_state), Some(RunState::Ended));
@@ -189,19 +169,13 @@ fn the_run_starts_when_every_ecu_is_ready_with_tick_zero_at_time_zero() {
 
 #[test]
 fn every_tick_carries_its_own_time_at_every_loop_rate() {
-    for (rate_hz, period_ns) in [
-        (100, 10_000_000),
-        (300, 3_333_332),
-        (1000, 1_000_000),
-        (2000, 500_000),
-    ] {
+    for (rate_hz, period_ns) in
+        [(100, 10_000_000), (300, 3_333_332), (1000, 1_000_000), (2000, 500_000)]
+    {
         let (rig, mut ecus) = driven(&[], 1, rate_hz, 0.5);
         assert!(rig.base_step_ns() <= 1_000_000);
         ecus[1].drain();
-        let egos = ecus[1]
-            .frames
-            .iter()
-            .filter_map(|frame| EgoState::decode(frame).ok());
+        let egos = ecus[1].frames.iter().filter_map(|frame| EgoState::decode(frame).ok());
         let mut count = 0;
         for (expected, (ego, counter)) in egos.enumerate() {
             assert_eq!(ego.tick as usize, expected);
@@ -210,10 +184,7 @@ fn every_tick_carries_its_own_time_at_every_loop_rate() {
             count += 1;
         }
         assert_eq!(count, 1 + rig.time_ns() / period_ns);
-        assert_eq!(
-            ecus[1].mission.map(|m| u64::from(m.loop_period_ns)),
-            Some(period_ns)
-        );
+        assert_eq!(ecus[1].mission.map(|m| u64::from(m.loop_period_ns)), Some(period_ns));
     }
 }
 
@@ -223,10 +194,7 @@ fn trucks_hold_speed_and_nothing_is_counted_as_wrong() {
     let results = rig.results();
     for (truck, counts) in results.trucks.iter().zip(&results.nodes) {
         assert!((truck.final_speed_mps - 18.0).abs() < 0.2, "{truck:?}");
-        let clean = NodeCounts {
-            accepted: counts.accepted,
-            ..NodeCounts::default()
-        };
+        let clean = NodeCounts { accepted: counts.accepted, ..NodeCounts::default() };
         assert_eq!((*counts, counts.accepted), (clean, 20_000));
     }
 }
@@ -235,11 +203,7 @@ fn trucks_hold_speed_and_nothing_is_counted_as_wrong() {
 fn the_same_seed_gives_the_same_frames_and_another_does_not() {
     let sets = [("sensors.noise", "1"), ("v2v.loss", "0.1")];
     let frames = |seed| -> Vec<Vec<Frame>> {
-        driven(&sets, seed, 1000, 5.0)
-            .1
-            .into_iter()
-            .map(|ecu| ecu.frames)
-            .collect()
+        driven(&sets, seed, 1000, 5.0).1.into_iter().map(|ecu| ecu.frames).collect()
     };
     let first = frames(7);
     assert!(first == frames(7));
@@ -256,10 +220,7 @@ fn v2v_reaches_followers_late_by_the_bounded_delay() {
         sources.dedup();
         sources
     };
-    assert_eq!(
-        (sources(&ecus[1]), sources(&ecus[3])),
-        (vec![0], vec![0, 2])
-    );
+    assert_eq!((sources(&ecus[1]), sources(&ecus[3])), (vec![0], vec![0, 2]));
     let report = rig.results().v2v;
     assert!(report.delay_min_s >= Some(0.015 - 1e-12) && report.delay_max_s <= Some(0.15 + 1e-12));
     assert!(report.max_abs_rate <= Some(0.2) && report.max_abs_rate > Some(0.1));
@@ -275,9 +236,7 @@ fn obstacles_come_into_range_and_the_truck_ahead_is_a_member() {
     start(&mut rig, &mut ecus);
     drive(&mut rig, &mut ecus, 12.0);
     let of = |truck: usize, kind| ecus[truck].obstacles.iter().filter(move |o| o.kind == kind);
-    let first = of(0, ObstacleKind::Vehicle)
-        .next()
-        .expect("came into range");
+    let first = of(0, ObstacleKind::Vehicle).next().expect("came into range");
     let seen_from_m = first.position_x_m - 18.0 * first.measured_time_ns as f64 * 1e-9;
     assert!((79.0..=80.0 + 0.5).contains(&seen_from_m), "{seen_from_m}");
     assert_eq!(of(0, ObstacleKind::None).count(), 1, "gone once, said once");
@@ -291,11 +250,7 @@ fn a_dead_ecu_stops_its_truck_and_fails_the_run() {
     let (mut rig, mut ecus) = driven(&[("duration_s", "20")], 1, 1000, 5.0);
     ecus[2].dead = true;
     drive(&mut rig, &mut ecus, 0.1);
-    assert_eq!(
-        rig.results().nodes[2].lost_commands,
-        1,
-        "not noticed within 100 ms"
-    );
+    assert_eq!(rig.results().nodes[2].lost_commands, 1, "not noticed within 100 ms");
     let speed_mps = |rig: &Rig| rig.trucks()[2].state().forward_mps;
     let before_mps = speed_mps(&rig);
     drive(&mut rig, &mut ecus, 0.2);
@@ -309,14 +264,7 @@ fn a_dead_ecu_stops_its_truck_and_fails_the_run() {
     assert_eq!(speed_mps(&rig), 0.0);
     let results = rig.results();
     assert!(!results.passed());
-    assert_eq!(
-        results
-            .trucks
-            .iter()
-            .map(|t| t.lost_commands)
-            .collect::<Vec<_>>(),
-        [0, 0, 1, 0]
-    );
+    assert_eq!(results.trucks.iter().map(|t| t.lost_commands).collect::<Vec<_>>(), [0, 0, 1, 0]);
 }
 
 #[test]
@@ -333,28 +281,16 @@ fn damaged_repeated_and_foreign_frames_have_no_effect_and_are_counted() {
     let mut data = good.data().to_vec();
     data[9] ^= 0x10;
     let damaged = Frame::new(good.id(), good.flags(), &data).expect("a frame");
-    let repeated = order
-        .encode(ecu.alive[1].wrapping_sub(1))
-        .expect("in range");
+    let repeated = order.encode(ecu.alive[1].wrapping_sub(1)).expect("in range");
     let foreign = Frame::new(0x123, FrameFlags::default(), &[1, 2]).expect("a frame");
     let short = Frame::new(good.id(), good.flags(), &data[..12]).expect("a frame");
-    let rigs_own = Message::Mission(ecu.mission.expect("known"))
-        .encode(0)
-        .expect("in range");
+    let rigs_own = Message::Mission(ecu.mission.expect("known")).encode(0).expect("in range");
     for frame in [damaged, repeated, foreign, short, rigs_own] {
         ecu.bus.send(&frame).expect("room");
     }
     rig.step();
     let counts = rig.results().nodes[0];
-    assert_eq!(
-        (
-            counts.bad_crc,
-            counts.repeated,
-            counts.malformed,
-            counts.unknown
-        ),
-        (1, 1, 1, 2)
-    );
+    assert_eq!((counts.bad_crc, counts.repeated, counts.malformed, counts.unknown), (1, 1, 1, 2));
     assert!(rig.results().trucks[0].min_force_n > -1_000.0);
 }
 
@@ -364,10 +300,7 @@ fn a_counter_jump_is_counted_and_the_command_still_counts() {
     ecus[0].alive[1] = ecus[0].alive[1].wrapping_add(3);
     drive(&mut rig, &mut ecus, 1.0);
     let counts = rig.results().nodes[0];
-    assert_eq!(
-        (counts.counter_jumps, counts.missing, counts.accepted),
-        (1, 3, 2_000)
-    );
+    assert_eq!((counts.counter_jumps, counts.missing, counts.accepted), (1, 3, 2_000));
 }
 
 #[test]
@@ -399,14 +332,10 @@ fn catching_up_changes_nothing_of_the_plant() {
 #[test]
 fn wrong_buses_and_rates_are_refused() {
     let scenario = scenario(&[]);
-    let refused = Rig::new(&scenario, 1, 1000, Vec::new(), None)
-        .err()
-        .expect("no buses");
+    let refused = Rig::new(&scenario, 1, 1000, Vec::new(), None).err().expect("no buses");
     assert!(refused.to_string().contains("4 trucks and 0 buses"));
     let buses = || -> Vec<Box<dyn Bus>> {
-        (0..4)
-            .map(|_| Box::new(Loopback::pair("x", 4).0) as Box<dyn Bus>)
-            .collect()
+        (0..4).map(|_| Box::new(Loopback::pair("x", 4).0) as Box<dyn Bus>).collect()
     };
     for rate_hz in [0, 9, 10_001] {
         assert_eq!(
@@ -441,13 +370,7 @@ impl Clock for TestClock {
 
 fn clock(ecus: Vec<TestEcu>, late_every: u64, late_ns: u64) -> TestClock {
     let (now_ns, sleeps) = (Cell::new(55_000_000_000), Cell::new(0));
-    TestClock {
-        now_ns,
-        ecus: RefCell::new(ecus),
-        sleeps,
-        late_every,
-        late_ns,
-    }
+    TestClock { now_ns, ecus: RefCell::new(ecus), sleeps, late_every, late_ns }
 }
 
 #[test]
@@ -456,27 +379,17 @@ fn a_late_rig_catches_up_with_the_clock() {
     let clock = clock(ecus, 50, 7_300_000);
     let stop = AtomicBool::new(false);
     let mut seen = Vec::new();
-    let report = run(&mut rig, &RunOptions::new(&clock, &stop), &mut |p| {
-        seen.push(*p)
-    });
+    let report = run(&mut rig, &RunOptions::new(&clock, &stop), &mut |p| seen.push(*p));
     let report = report.expect("starts");
     assert_eq!(report.end, RunEnd::Finished);
     assert_eq!(rig.time_ns(), 5_000_000_000);
     assert!(report.late_wakes > 50 && report.caught_up_steps >= 7 * report.late_wakes);
     assert_eq!(report.lateness_ns_max, 7_300_000);
     assert!(matches!(seen[0], Progress::Preparing { missing: 4 }));
-    let running = seen
-        .iter()
-        .filter(|p| matches!(p, Progress::Running { .. }))
-        .count();
+    let running = seen.iter().filter(|p| matches!(p, Progress::Running { .. })).count();
     assert!((45..=55).contains(&running), "{running}");
     let results = rig.results();
-    assert!(
-        results
-            .nodes
-            .iter()
-            .all(|n| n.lost_commands == 0 && n.bad_crc == 0)
-    );
+    assert!(results.nodes.iter().all(|n| n.lost_commands == 0 && n.bad_crc == 0));
     let mut ecus = clock.ecus.into_inner();
     ecus[0].drain();
     let ended = ecus[0].frames.iter().rev().take(3);
@@ -494,10 +407,7 @@ fn a_silent_ecu_is_named() {
     let stop = AtomicBool::new(false);
     let refused = run(&mut rig, &RunOptions::new(&clock, &stop), &mut |_| {});
     let message = refused.expect_err("truck 2 is silent").to_string();
-    assert!(
-        message.contains("truck 2") && message.contains("loopback2"),
-        "{message}"
-    );
+    assert!(message.contains("truck 2") && message.contains("loopback2"), "{message}");
     assert!(message.contains("10 s"), "{message}");
 }
 
@@ -547,31 +457,18 @@ fn results_are_json_with_the_contracts_names() {
 fn every_frame_and_the_truth_are_recorded_from_the_start_on() {
     use traces::{Overflow, Recorder, RecorderOptions, Source};
     let path = std::env::temp_dir().join(format!("platoon-rig-{}.part.mcap", std::process::id()));
-    let options = RecorderOptions {
-        overflow: Overflow::Wait,
-        ..RecorderOptions::new(Source::Rig)
-    };
+    let options = RecorderOptions { overflow: Overflow::Wait, ..RecorderOptions::new(Source::Rig) };
     let recorder = Recorder::start(&path, options).expect("the temp folder can be written");
     let (mut rig, mut ecus) = bench(&scenario(&[("duration_s", "2")]), 1, 1000);
     rig.tap.recorder = Some(recorder);
     start(&mut rig, &mut ecus);
     drive(&mut rig, &mut ecus, 2.0);
-    let counts = |rig: &Rig, truck| {
-        (
-            rig.bus(truck).counts().sent,
-            rig.bus(truck).counts().received,
-        )
-    };
-    let frames: u64 = (0..4)
-        .map(|t| counts(&rig, t))
-        .map(|(sent, received)| sent + received)
-        .sum();
+    let counts =
+        |rig: &Rig, truck| (rig.bus(truck).counts().sent, rig.bus(truck).counts().received);
+    let frames: u64 = (0..4).map(|t| counts(&rig, t)).map(|(sent, received)| sent + received).sum();
     // Before the start: one invitation and one answer per truck.
     let expected = frames - 8 + 201;
     let finished = rig.take_recorder().expect("given").finish();
     std::fs::remove_file(&path).expect("was written");
-    assert_eq!(
-        (finished.written, finished.lost, finished.error),
-        (expected, 0, None)
-    );
+    assert_eq!((finished.written, finished.lost, finished.error), (expected, 0, None));
 }

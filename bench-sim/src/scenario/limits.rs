@@ -55,23 +55,13 @@ impl<'a> Checker<'a> {
         }
         self.within("platoon.spacing_m", p.spacing_m, 8.0, 1000.0)?;
         self.within("platoon.speed_mps", p.speed_mps, 0.0, SPEED_MAX_MPS)?;
-        self.within(
-            "platoon.desired_y_m",
-            p.desired_y_m,
-            -SIDE_MAX_M,
-            SIDE_MAX_M,
-        )
+        self.within("platoon.desired_y_m", p.desired_y_m, -SIDE_MAX_M, SIDE_MAX_M)
     }
 
     fn check_road(&self, s: &Scenario) -> Result<(), ScenarioError> {
         let r = &s.road;
         self.within("road.lane_width_m", r.lane_width_m, 2.0, 20.0)?;
-        self.within(
-            "road.right_edge_y_m",
-            r.right_edge_y_m,
-            -SIDE_MAX_M,
-            SIDE_MAX_M,
-        )?;
+        self.within("road.right_edge_y_m", r.right_edge_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
         let lowest_m = r.right_edge_y_m + r.lane_width_m;
         self.within("road.left_edge_y_m", r.left_edge_y_m, lowest_m, SIDE_MAX_M)
     }
@@ -113,12 +103,7 @@ impl<'a> Checker<'a> {
             let key = |field: &str| format!("obstacles.{}.{field}", index + 1);
             self.within(&key("x_m"), o.x_m, -100_000.0, 100_000.0)?;
             self.within(&key("y_m"), o.y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
-            self.within(
-                &key("speed_mps"),
-                o.speed_mps,
-                -SPEED_MAX_MPS,
-                SPEED_MAX_MPS,
-            )?;
+            self.within(&key("speed_mps"), o.speed_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
             self.within(&key("appears_s"), o.appears_s, 0.0, 3600.0)?;
             self.within(&key("length_m"), o.length_m, 0.1, 30.0)?;
             self.within(&key("width_m"), o.width_m, 0.1, 10.0)?;
@@ -135,22 +120,12 @@ impl<'a> Checker<'a> {
         from_y_m: f64,
         key: impl Fn(&str) -> String,
     ) -> Result<(), ScenarioError> {
-        self.within(
-            &key("lane_change.to_y_m"),
-            change.to_y_m,
-            -SIDE_MAX_M,
-            SIDE_MAX_M,
-        )?;
+        self.within(&key("lane_change.to_y_m"), change.to_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
         self.within(&key("lane_change.from_s"), change.from_s, -3600.0, 3600.0)?;
         // The quintic's peak speed is 15/8 of its mean; the messages carry up to 52 m/s.
         let shortest_s = 1.875 * (change.to_y_m - from_y_m).abs() / SPEED_MAX_MPS;
         let earliest_s = change.from_s + shortest_s.max(0.1);
-        self.within(
-            &key("lane_change.until_s"),
-            change.until_s,
-            earliest_s,
-            7200.0,
-        )
+        self.within(&key("lane_change.until_s"), change.until_s, earliest_s, 7200.0)
     }
 
     fn check_criteria(&self, s: &Scenario) -> Result<(), ScenarioError> {
@@ -158,17 +133,9 @@ impl<'a> Checker<'a> {
         let limits = [
             ("max_predecessor_error_m", c.max_predecessor_error_m, 0.0),
             ("settled_position_s", c.settled_position_s, 0.0),
-            (
-                "settled_position_band_m",
-                Some(c.settled_position_band_m),
-                0.0,
-            ),
+            ("settled_position_band_m", Some(c.settled_position_band_m), 0.0),
             ("settled_speed_s", c.settled_speed_s, 0.0),
-            (
-                "settled_speed_band_mps",
-                Some(c.settled_speed_band_mps),
-                0.0,
-            ),
+            ("settled_speed_band_mps", Some(c.settled_speed_band_mps), 0.0),
             ("min_clearance_m", c.min_clearance_m, -1e6),
             ("min_truck_gap_m", c.min_truck_gap_m, -1e6),
             ("max_steer_rad", c.max_steer_rad, 0.0),

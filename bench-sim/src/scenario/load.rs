@@ -7,14 +7,8 @@ use super::limits::Checker;
 
 /// The scenarios that come with the bench: name and text.
 const BUILT_IN: [(&str, &str); 2] = [
-    (
-        "obstacle-avoidance",
-        include_str!("../../scenarios/obstacle-avoidance.toml"),
-    ),
-    (
-        "hil-obstacle-avoidance",
-        include_str!("../../scenarios/hil-obstacle-avoidance.toml"),
-    ),
+    ("obstacle-avoidance", include_str!("../../scenarios/obstacle-avoidance.toml")),
+    ("hil-obstacle-avoidance", include_str!("../../scenarios/hil-obstacle-avoidance.toml")),
 ];
 
 /// Longest scenario file that is read \[bytes\].
@@ -102,13 +96,9 @@ impl Scenario {
     /// One line naming the file, the key, the value and what is allowed.
     pub fn load(name_or_path: &str, sets: &[(String, String)]) -> Result<Self, ScenarioError> {
         let text = read(name_or_path)?;
-        let mut table: Table = text
-            .parse()
-            .map_err(|error| syntax(name_or_path, &text, &error))?;
-        shaped(&table).map_err(|reason| ScenarioError::Shape {
-            file: name_or_path.to_owned(),
-            reason,
-        })?;
+        let mut table: Table = text.parse().map_err(|error| syntax(name_or_path, &text, &error))?;
+        shaped(&table)
+            .map_err(|reason| ScenarioError::Shape { file: name_or_path.to_owned(), reason })?;
         let base = table.clone();
         for (key, value) in sets {
             put(&mut table, key, typed(value))
@@ -123,24 +113,15 @@ impl Scenario {
     pub fn list() -> Vec<Summary> {
         let summary = |&(name, text): &(&'static str, &str)| {
             let table: Table = text.parse().expect("a test parses every built-in scenario");
-            let description = table
-                .get("description")
-                .and_then(Value::as_str)
-                .unwrap_or_default();
-            Summary {
-                name,
-                description: description.to_owned(),
-            }
+            let description = table.get("description").and_then(Value::as_str).unwrap_or_default();
+            Summary { name, description: description.to_owned() }
         };
         BUILT_IN.iter().map(summary).collect()
     }
 
     /// The TOML text of a built-in scenario, comments included.
     pub fn built_in_text(name: &str) -> Option<&'static str> {
-        BUILT_IN
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map(|(_, text)| *text)
+        BUILT_IN.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
     }
 }
 
@@ -149,15 +130,13 @@ fn read(name_or_path: &str) -> Result<String, ScenarioError> {
     if let Some(text) = Scenario::built_in_text(name_or_path) {
         return Ok(text.to_owned());
     }
-    let unreadable = |reason: String| ScenarioError::Unreadable {
-        file: name_or_path.to_owned(),
-        reason,
-    };
+    let unreadable =
+        |reason: String| ScenarioError::Unreadable { file: name_or_path.to_owned(), reason };
     match std::fs::metadata(name_or_path) {
         Ok(about) if about.is_dir() => Err(unreadable("it is a folder".to_owned())),
-        Ok(about) if about.len() > FILE_SIZE_MAX => Err(unreadable(format!(
-            "it is longer than {FILE_SIZE_MAX} bytes"
-        ))),
+        Ok(about) if about.len() > FILE_SIZE_MAX => {
+            Err(unreadable(format!("it is longer than {FILE_SIZE_MAX} bytes")))
+        }
         Ok(_) => std::fs::read_to_string(name_or_path).map_err(|e| unreadable(e.to_string())),
         Err(_) => Err(ScenarioError::Unknown {
             name: name_or_path.to_owned(),
@@ -170,10 +149,7 @@ fn syntax(file: &str, text: &str, error: &toml::de::Error) -> ScenarioError {
     let before = error.span().map_or(0, |span| span.start.min(text.len()));
     ScenarioError::Syntax {
         file: file.to_owned(),
-        line: 1 + text.as_bytes()[..before]
-            .iter()
-            .filter(|&&byte| byte == b'\n')
-            .count(),
+        line: 1 + text.as_bytes()[..before].iter().filter(|&&byte| byte == b'\n').count(),
         reason: one_line(error.message()),
     }
 }
@@ -190,11 +166,7 @@ fn shaped(table: &Table) -> Result<Scenario, String> {
 }
 
 fn one_line(message: &str) -> String {
-    let lines: Vec<&str> = message
-        .lines()
-        .map(str::trim)
-        .filter(|line| !line.is_empty())
-        .collect();
+    let lines: Vec<&str> = message.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     lines.join(", ")
 }
 
@@ -211,10 +183,7 @@ fn blame(file: &str, base: &Table, sets: &[(String, String)], together: String) 
     }
     match sets.last() {
         Some((key, value)) => refused(file, (key, value), together),
-        None => ScenarioError::Shape {
-            file: file.to_owned(),
-            reason: together,
-        },
+        None => ScenarioError::Shape { file: file.to_owned(), reason: together },
     }
 }
 
@@ -231,9 +200,9 @@ fn refused(file: &str, (key, value): (&str, &str), reason: String) -> ScenarioEr
 fn typed(value: &str) -> Value {
     let parsed: Result<Table, _> = format!("value = {value}").parse();
     match parsed {
-        Ok(mut table) if table.len() == 1 => table
-            .remove("value")
-            .unwrap_or_else(|| Value::String(value.to_owned())),
+        Ok(mut table) if table.len() == 1 => {
+            table.remove("value").unwrap_or_else(|| Value::String(value.to_owned()))
+        }
         _ => Value::String(value.to_owned()),
     }
 }
@@ -242,21 +211,12 @@ fn typed(value: &str) -> Value {
 /// section the file leaves out can still be set, and whatever is unknown is refused afterwards.
 fn put(table: &mut Table, key: &str, value: Value) -> Result<(), String> {
     let mut parts = key.split('.');
-    let last = parts
-        .next_back()
-        .filter(|part| !part.is_empty())
-        .ok_or("the key is empty")?;
+    let last = parts.next_back().filter(|part| !part.is_empty()).ok_or("the key is empty")?;
     let mut place = table;
     let mut walked = String::new();
     while let Some(part) = parts.next() {
-        walked = if walked.is_empty() {
-            part.to_owned()
-        } else {
-            format!("{walked}.{part}")
-        };
-        let entry = place
-            .entry(part)
-            .or_insert_with(|| Value::Table(Table::new()));
+        walked = if walked.is_empty() { part.to_owned() } else { format!("{walked}.{part}") };
+        let entry = place.entry(part).or_insert_with(|| Value::Table(Table::new()));
         place = match entry {
             Value::Table(inner) => inner,
             Value::Array(items) => element(items, parts.next(), &walked)?,

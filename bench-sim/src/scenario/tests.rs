@@ -3,18 +3,13 @@
 use super::*;
 
 fn load(sets: &[(&str, &str)]) -> Result<Scenario, ScenarioError> {
-    let sets: Vec<_> = sets
-        .iter()
-        .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()))
-        .collect();
+    let sets: Vec<_> = sets.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
     Scenario::load("obstacle-avoidance", &sets)
 }
 
 /// The one-line refusal of an override, which must contain every one of `parts`.
 fn refused(key: &str, value: &str, parts: &[&str]) {
-    let message = load(&[(key, value)])
-        .expect_err(&format!("{key}={value}"))
-        .to_string();
+    let message = load(&[(key, value)]).expect_err(&format!("{key}={value}")).to_string();
     assert!(!message.contains('\n'), "{message:?} is more than one line");
     for part in parts.iter().chain(&["obstacle-avoidance"]) {
         assert!(message.contains(part), "{message:?} does not say {part:?}");
@@ -34,10 +29,7 @@ fn every_built_in_scenario_loads_under_its_own_name() {
 fn the_two_scenarios_differ_in_the_v2v_delay_only() {
     let with = Scenario::load("obstacle-avoidance", &[]).expect("loads");
     let mut without = Scenario::load("hil-obstacle-avoidance", &[]).expect("loads");
-    assert_eq!(
-        (without.v2v.delay_min_s, without.v2v.delay_max_s),
-        (0.0, 0.0)
-    );
+    assert_eq!((without.v2v.delay_min_s, without.v2v.delay_max_s), (0.0, 0.0));
     without.v2v = with.v2v;
     without.name.clone_from(&with.name);
     without.description.clone_from(&with.description);
@@ -65,15 +57,9 @@ fn overrides_reach_their_keys() {
         ("law.anything.deep", "[1, 2]"),
     ])
     .expect("loads");
-    assert_eq!(
-        (scenario.platoon.trucks, scenario.platoon.speed_mps),
-        (6, 20.0)
-    );
+    assert_eq!((scenario.platoon.trucks, scenario.platoon.speed_mps), (6, 20.0));
     assert_eq!(scenario.obstacles[0].x_m, 70.5);
-    assert_eq!(
-        scenario.obstacles[1].kind,
-        crate::obstacle::Kind::Pedestrian
-    );
+    assert_eq!(scenario.obstacles[1].kind, crate::obstacle::Kind::Pedestrian);
     assert_eq!(scenario.truck_parameters(5).mass_kg, 9000.0);
     assert_eq!(scenario.truck_parameters(4).mass_kg, 5760.0);
     assert_eq!(scenario.truck_parameters(0).drive_lag_s, 0.4);
@@ -100,49 +86,25 @@ fn a_written_scenario_loads_back_the_same() {
 #[test]
 fn impossible_values_are_refused_with_key_value_and_range() {
     refused("platoon.trucks", "0", &["platoon.trucks", "0", "1 to 16"]);
-    refused(
-        "platoon.speed_mps",
-        "nan",
-        &["platoon.speed_mps", "NaN", "0 to 40"],
-    );
+    refused("platoon.speed_mps", "nan", &["platoon.speed_mps", "NaN", "0 to 40"]);
     refused("platoon.spacing_m", "-5", &["platoon.spacing_m", "-5"]);
-    refused(
-        "trucks.1.mass_kg",
-        "-1",
-        &["trucks.1.mass_kg", "-1", "1000"],
-    );
+    refused("trucks.1.mass_kg", "-1", &["trucks.1.mass_kg", "-1", "1000"]);
     refused("trucks.4.mass_kg", "5000", &["trucks", "trucks.3"]);
     refused("plant.friction", "0", &["plant.friction", "0.05"]);
-    refused(
-        "v2v.delay_min_s",
-        "0.2",
-        &["v2v.delay_max_s = 0.15", "0.2 to 5"],
-    );
+    refused("v2v.delay_min_s", "0.2", &["v2v.delay_max_s = 0.15", "0.2 to 5"]);
     refused("v2v.delay_max_s", "inf", &["v2v.delay_max_s"]);
     refused("v2v.loss", "1.5", &["v2v.loss", "0 to 1"]);
     refused("duration_s", "0", &["duration_s"]);
     refused("obstacles.1.width_m", "0", &["obstacles.1.width_m"]);
-    refused(
-        "criteria.passed_obstacles",
-        "[3]",
-        &["passed_obstacles", "1 to 2"],
-    );
+    refused("criteria.passed_obstacles", "[3]", &["passed_obstacles", "1 to 2"]);
     refused("criteria.max_steer_rad", "nan", &["criteria.max_steer_rad"]);
 }
 
 #[test]
 fn unknown_keys_and_wrong_types_are_refused_with_what_is_allowed() {
-    refused(
-        "platoon.speed_kmh",
-        "60",
-        &["platoon.speed_kmh", "speed_mps"],
-    );
+    refused("platoon.speed_kmh", "60", &["platoon.speed_kmh", "speed_mps"]);
     refused("platon.trucks", "4", &["platon.trucks", "platoon"]);
-    refused(
-        "platoon.trucks",
-        "four",
-        &["platoon.trucks=four", "whole number"],
-    );
+    refused("platoon.trucks", "four", &["platoon.trucks=four", "whole number"]);
     refused("platoon.trucks", "4.5", &["platoon.trucks=4.5"]);
     refused("platoon.trucks", "-4", &["platoon.trucks=-4"]);
     refused("platoon.trucks.x", "4", &["platoon.trucks is a value"]);
@@ -160,13 +122,8 @@ fn unknown_keys_and_wrong_types_are_refused_with_what_is_allowed() {
 
 #[test]
 fn an_unknown_scenario_lists_the_known_ones() {
-    let message = Scenario::load("obstacle-avoidence", &[])
-        .expect_err("unknown")
-        .to_string();
-    assert!(
-        message.contains("hil-obstacle-avoidance") && !message.contains('\n'),
-        "{message}"
-    );
+    let message = Scenario::load("obstacle-avoidence", &[]).expect_err("unknown").to_string();
+    assert!(message.contains("hil-obstacle-avoidance") && !message.contains('\n'), "{message}");
 }
 
 #[test]
@@ -177,13 +134,9 @@ fn a_broken_file_is_refused_with_its_line() {
     std::fs::write(&path, "name = \"x\"\nduration_s = = 3\n").expect("write");
     let name = path.to_str().expect("utf-8 path").to_owned();
     let message = Scenario::load(&name, &[]).expect_err("broken").to_string();
-    let folder_message = Scenario::load(folder.to_str().expect("utf-8 path"), &[])
-        .expect_err("folder")
-        .to_string();
+    let folder_message =
+        Scenario::load(folder.to_str().expect("utf-8 path"), &[]).expect_err("folder").to_string();
     std::fs::remove_dir_all(&folder).expect("clean up");
-    assert!(
-        message.contains("broken.toml") && message.contains("line 2"),
-        "{message}"
-    );
+    assert!(message.contains("broken.toml") && message.contains("line 2"), "{message}");
     assert!(!message.contains('\n') && folder_message.contains("folder"));
 }

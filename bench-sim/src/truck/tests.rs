@@ -62,10 +62,7 @@ fn energy_lost_equals_work_done() {
     let p = *truck.parameters();
     let energy_j = |t: &Truck| 0.5 * p.mass_kg * t.state().forward_mps * t.state().forward_mps;
     let (start_j, mut work_j) = (energy_j(&truck), 0.0);
-    let command = Command {
-        force_n: -8_000.0,
-        steer_rad: 0.0,
-    };
+    let command = Command { force_n: -8_000.0, steer_rad: 0.0 };
     let power_w = |t: &Truck| {
         let s = t.state();
         (s.force_n - p.resistance_n(s.forward_mps)) * s.forward_mps
@@ -76,20 +73,14 @@ fn energy_lost_equals_work_done() {
         work_j += 0.5 * STEP_S * (before_w + power_w(&truck));
     }
     let change_j = energy_j(&truck) - start_j;
-    assert!(
-        (change_j - work_j).abs() < 1e-5 * start_j,
-        "{change_j} J against {work_j} J"
-    );
+    assert!((change_j - work_j).abs() < 1e-5 * start_j, "{change_j} J against {work_j} J");
 }
 
 #[test]
 fn braking_cannot_exceed_friction() {
     for friction in [0.2, 0.5, 0.85] {
         let mut truck = Truck::new(TruckParameters::new(5760.0, 0.25, friction), 0.0, 0.0, 25.0);
-        let command = Command {
-            force_n: -1e6,
-            steer_rad: 0.0,
-        };
+        let command = Command { force_n: -1e6, steer_rad: 0.0 };
         let mut hardest_mps2: f64 = 0.0;
         for _ in 0..2_000 {
             truck.step(&command, STEP_S);
@@ -116,19 +107,13 @@ fn full_steering_cannot_exceed_friction() {
 fn braking_to_standstill_stays_at_standstill() {
     for steer_rad in [0.0, 0.1, -0.17] {
         let mut truck = truck_at(15.0);
-        let command = Command {
-            force_n: -23_040.0,
-            steer_rad,
-        };
+        let command = Command { force_n: -23_040.0, steer_rad };
         for _ in 0..8_000 {
             truck.step(&command, STEP_S);
             assert!(truck.state().forward_mps >= 0.0);
         }
         let rest = *truck.state();
-        assert_eq!(
-            (rest.forward_mps, rest.lateral_mps, rest.yaw_radps),
-            (0.0, 0.0, 0.0)
-        );
+        assert_eq!((rest.forward_mps, rest.lateral_mps, rest.yaw_radps), (0.0, 0.0, 0.0));
         for _ in 0..30_000 {
             truck.step(&command, STEP_S);
         }
@@ -146,23 +131,11 @@ fn a_standing_truck_needs_more_than_rolling_resistance_to_move() {
     let mut truck = truck_at(0.0);
     let rolling_n = truck.parameters().resistance_n(0.0);
     for _ in 0..5_000 {
-        truck.step(
-            &Command {
-                force_n: 0.9 * rolling_n,
-                steer_rad: 0.1,
-            },
-            STEP_S,
-        );
+        truck.step(&Command { force_n: 0.9 * rolling_n, steer_rad: 0.1 }, STEP_S);
     }
     assert_eq!(truck.state().x_m, 0.0);
     for _ in 0..5_000 {
-        truck.step(
-            &Command {
-                force_n: 2.0 * rolling_n,
-                steer_rad: 0.0,
-            },
-            STEP_S,
-        );
+        truck.step(&Command { force_n: 2.0 * rolling_n, steer_rad: 0.0 }, STEP_S);
     }
     assert!(truck.state().x_m > 0.1);
 }
@@ -175,29 +148,17 @@ fn left_and_right_are_mirror_images() {
         let force_n = 9_000.0 * libm::sin(0.9 * t_s) - 2_000.0;
         let steer_rad = 0.1 * libm::sin(2.0 * t_s);
         left.step(&Command { force_n, steer_rad }, STEP_S);
-        right.step(
-            &Command {
-                force_n,
-                steer_rad: -steer_rad,
-            },
-            STEP_S,
-        );
+        right.step(&Command { force_n, steer_rad: -steer_rad }, STEP_S);
     }
     let (l, r) = (left.state(), right.state());
     assert_eq!((l.x_m, l.forward_mps), (r.x_m, r.forward_mps));
-    assert_eq!(
-        (l.y_m, l.lateral_mps, l.yaw_radps),
-        (-r.y_m, -r.lateral_mps, -r.yaw_radps)
-    );
+    assert_eq!((l.y_m, l.lateral_mps, l.yaw_radps), (-r.y_m, -r.lateral_mps, -r.yaw_radps));
 }
 
 #[test]
 fn actuators_lag_and_steering_is_rate_limited() {
     let mut truck = truck_at(18.0);
-    let command = Command {
-        force_n: 10_000.0,
-        steer_rad: 0.17,
-    };
+    let command = Command { force_n: 10_000.0, steer_rad: 0.17 };
     for _ in 0..250 {
         truck.step(&command, STEP_S);
     }
@@ -216,13 +177,7 @@ fn a_finer_step_gives_the_same_trajectory() {
         for step in 0..steps {
             let t_s = f64::from(step) * step_s;
             let steer_rad = if t_s < 2.0 { 0.05 } else { -0.05 };
-            truck.step(
-                &Command {
-                    force_n: -5_000.0,
-                    steer_rad,
-                },
-                step_s,
-            );
+            truck.step(&Command { force_n: -5_000.0, steer_rad }, step_s);
         }
         *truck.state()
     };

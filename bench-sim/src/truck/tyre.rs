@@ -56,11 +56,7 @@ impl Axle {
 mod tests {
     use super::*;
 
-    const AXLE: Axle = Axle {
-        stiffness_n_per_rad: 260_000.0,
-        friction: 0.85,
-        load_n: 40_000.0,
-    };
+    const AXLE: Axle = Axle { stiffness_n_per_rad: 260_000.0, friction: 0.85, load_n: 40_000.0 };
 
     #[test]
     fn force_stays_inside_the_friction_circle() {
@@ -70,10 +66,7 @@ mod tests {
                 for along_mps in [0.0, 0.3, 2.0, 25.0] {
                     let force = AXLE.force(demanded_n, along_mps, across_mps);
                     let total_n = libm::hypot(force.along_n, force.across_n);
-                    assert!(
-                        total_n <= grip_n * (1.0 + 1e-12),
-                        "{total_n} above {grip_n}"
-                    );
+                    assert!(total_n <= grip_n * (1.0 + 1e-12), "{total_n} above {grip_n}");
                 }
             }
         }
@@ -90,9 +83,6 @@ mod tests {
     fn braking_takes_side_force_away() {
         let rolling = AXLE.force(0.0, 20.0, -4.0).across_n;
         let braking = AXLE.force(-33e3, 20.0, -4.0).across_n;
-        assert!(
-            braking < 0.35 * rolling && braking > 0.0,
-            "{braking} of {rolling}"
-        );
+        assert!(braking < 0.35 * rolling && braking > 0.0, "{braking} of {rolling}");
     }
 }

@@ -87,9 +87,7 @@ impl CommandWatch {
 
     /// Takes in a command that passed its end-to-end checks; `tick` is the newest one published.
     pub(crate) fn accept(&mut self, message: &Actuation, tick: u32, counts: &mut NodeCounts) {
-        let older = self
-            .answered
-            .is_some_and(|(last, _)| message.answers_tick < last);
+        let older = self.answered.is_some_and(|(last, _)| message.answers_tick < last);
         if older || message.answers_tick > tick {
             counts.out_of_order += 1;
             return;
@@ -99,10 +97,7 @@ impl CommandWatch {
             counts.ignored_while_stopping += 1;
             return;
         }
-        let asked = Command {
-            force_n: message.force_n,
-            steer_rad: message.steering_rad,
-        };
+        let asked = Command { force_n: message.force_n, steer_rad: message.steering_rad };
         self.measure(&asked, message.answers_tick, tick);
         self.newest = Command {
             force_n: asked.force_n.clamp(FORCE_MIN_N, FORCE_MAX_N),
@@ -144,10 +139,7 @@ impl CommandWatch {
                 let p = truck.parameters();
                 let resistance_n = p.resistance_n(truck.state().forward_mps);
                 let force_n = (resistance_n - STOP_DECEL_MPS2 * p.mass_kg).min(0.0);
-                Command {
-                    force_n,
-                    steer_rad: 0.0,
-                }
+                Command { force_n, steer_rad: 0.0 }
             }
         }
     }
@@ -168,9 +160,7 @@ impl CommandWatch {
         let Some((last_answers, last_tick)) = self.answered else {
             return;
         };
-        let ticks = (answers - last_answers)
-            .max(tick.saturating_sub(last_tick))
-            .max(1);
+        let ticks = (answers - last_answers).max(tick.saturating_sub(last_tick)).max(1);
         let span_s = f64::from(ticks) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let rate = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0) / span_s;
@@ -191,12 +181,7 @@ mod tests {
 
     fn actuation(answers_tick: u32, force_n: f64, steering_rad: f64) -> Actuation {
         let actuation_status = ActuationStatus::Solved;
-        Actuation {
-            answers_tick,
-            force_n,
-            steering_rad,
-            actuation_status,
-        }
+        Actuation { answers_tick, force_n, steering_rad, actuation_status }
     }
 
     #[test]
@@ -240,10 +225,7 @@ mod tests {
         }
         assert_eq!(braking_from, Some(299));
         assert!((decel_mps2 - 4.0).abs() < 0.01, "{decel_mps2}");
-        assert!(
-            stopped_at.is_some_and(|ms| (4_500..5_500).contains(&ms)),
-            "{stopped_at:?}"
-        );
+        assert!(stopped_at.is_some_and(|ms| (4_500..5_500).contains(&ms)), "{stopped_at:?}");
         assert_eq!(watch.mode, Mode::Stopping);
     }
 
@@ -273,10 +255,7 @@ mod tests {
         let mut watch = CommandWatch::new(MS);
         watch.accept(&actuation(0, -50_000.0, 0.3), 0, &mut counts);
         let obeyed = watch.command(&truck, MS);
-        assert_eq!(
-            (obeyed.force_n, obeyed.steer_rad),
-            (FORCE_MIN_N, STEER_MAX_RAD)
-        );
+        assert_eq!((obeyed.force_n, obeyed.steer_rad), (FORCE_MIN_N, STEER_MAX_RAD));
         assert_eq!(counts.out_of_range, 1);
         assert_eq!(watch.range().force_n, Some((-50_000.0, -50_000.0)));
         watch.accept(&actuation(1, 20_000.0, 0.174_533), 1, &mut counts);

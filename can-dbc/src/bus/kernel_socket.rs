@@ -63,10 +63,7 @@ pub(super) fn prepare(socket: BorrowedFd<'_>) -> io::Result<()> {
 
 /// Blocks until the socket is readable or the timeout is over; true when it is readable.
 pub(super) fn wait(socket: BorrowedFd<'_>, timeout: Duration) -> Result<bool, ReceiveError> {
-    let timeout = Timespec::try_from(timeout).unwrap_or(Timespec {
-        tv_sec: i64::MAX,
-        tv_nsec: 0,
-    });
+    let timeout = Timespec::try_from(timeout).unwrap_or(Timespec { tv_sec: i64::MAX, tv_nsec: 0 });
     let mut sockets = [PollFd::new(&socket, PollFlags::IN)];
     match poll(&mut sockets, Some(&timeout)) {
         // A signal ends the wait early; the caller looks at its own reason to stop.
@@ -76,10 +73,7 @@ pub(super) fn wait(socket: BorrowedFd<'_>, timeout: Duration) -> Result<bool, Re
     }
 }
 
-#[expect(
-    unsafe_code,
-    reason = "rustix has no setter for these two socket options"
-)]
+#[expect(unsafe_code, reason = "rustix has no setter for these two socket options")]
 fn set_flag(socket: BorrowedFd<'_>, option: libc::c_int) -> io::Result<()> {
     let on: libc::c_int = 1;
     // SAFETY: the pointer and the length describe `on`, which outlives the call.
@@ -92,21 +86,14 @@ fn set_flag(socket: BorrowedFd<'_>, option: libc::c_int) -> io::Result<()> {
             size_of_val(&on) as libc::socklen_t,
         )
     };
-    if result == 0 {
-        Ok(())
-    } else {
-        Err(io::Error::last_os_error())
-    }
+    if result == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
 /// Takes one datagram or frame without blocking; `None` when nothing waits.
 #[expect(unsafe_code, reason = "rustix does not read these control messages")]
 pub(super) fn receive(socket: BorrowedFd<'_>, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
     let mut control = [0_u64; CONTROL_WORDS];
-    let mut part = libc::iovec {
-        iov_base: buffer.as_mut_ptr().cast(),
-        iov_len: buffer.len(),
-    };
+    let mut part = libc::iovec { iov_base: buffer.as_mut_ptr().cast(), iov_len: buffer.len() };
     // SAFETY: both are plain C structs for which all zeros is a value.
     let (mut sender, mut message): (libc::sockaddr_in, libc::msghdr) =
         unsafe { (std::mem::zeroed(), std::mem::zeroed()) };
@@ -120,10 +107,8 @@ pub(super) fn receive(socket: BorrowedFd<'_>, buffer: &mut [u8]) -> io::Result<O
     let length = unsafe { libc::recvmsg(socket.as_raw_fd(), &raw mut message, libc::MSG_DONTWAIT) };
     let Ok(length) = usize::try_from(length) else {
         let error = io::Error::last_os_error();
-        let nothing = matches!(
-            error.kind(),
-            io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted
-        );
+        let nothing =
+            matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::Interrupted);
         return if nothing { Ok(None) } else { Err(error) };
     };
     let mut arrival = Arrival {

@@ -56,10 +56,7 @@ impl Bus for Loopback {
             self.counts.send_failed += 1;
             return Err(SendError::Down);
         }
-        let received = Received {
-            frame: *frame,
-            stamp_ns: self.bench_time_ns,
-        };
+        let received = Received { frame: *frame, stamp_ns: self.bench_time_ns };
         if self.outbox.push(received).is_err() {
             self.counts.send_full += 1;
             return Err(SendError::BufferFull);
@@ -120,10 +117,7 @@ mod tests {
         let (mut sender, mut receiver) = Loopback::pair("loopback0", 2);
         sender.set_bench_time(5_000_000);
         sender.send(&frame(1)).expect("room");
-        assert_eq!(
-            receiver.receive().expect("up").expect("waiting").stamp_ns,
-            5_000_000
-        );
+        assert_eq!(receiver.receive().expect("up").expect("waiting").stamp_ns, 5_000_000);
     }
 
     #[test]

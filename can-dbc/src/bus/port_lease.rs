@@ -35,10 +35,7 @@ impl PortLease {
                 return Ok(Self { port, _lock: lock });
             }
         }
-        Err(OpenError::AllPortsLeased {
-            first: first_port,
-            last,
-        })
+        Err(OpenError::AllPortsLeased { first: first_port, last })
     }
 
     /// The leased port.
@@ -54,27 +51,20 @@ fn lock(port: u16) -> Result<Option<UnixDatagram>, OpenError> {
     match locked {
         Ok(lock) => Ok(Some(lock)),
         Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => Ok(None),
-        Err(source) => Err(OpenError::Os {
-            what: format!("udp port {port}"),
-            step: "lease it",
-            source,
-        }),
+        Err(source) => {
+            Err(OpenError::Os { what: format!("udp port {port}"), step: "lease it", source })
+        }
     }
 }
 
 /// True when no other program holds the port for itself alone. Listeners such as python-can, which
 /// share it as this bench does, are welcome.
 fn is_sharable(port: u16) -> bool {
-    let tried = socket_with(
-        AddressFamily::INET,
-        SocketType::DGRAM,
-        SocketFlags::CLOEXEC,
-        None,
-    )
-    .and_then(|socket| {
-        sockopt::set_socket_reuseaddr(&socket, true)?;
-        bind(&socket, &SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, port))
-    });
+    let tried = socket_with(AddressFamily::INET, SocketType::DGRAM, SocketFlags::CLOEXEC, None)
+        .and_then(|socket| {
+            sockopt::set_socket_reuseaddr(&socket, true)?;
+            bind(&socket, &SocketAddrV4::new(Ipv4Addr::UNSPECIFIED, port))
+        });
     tried.is_ok()
 }
 

@@ -54,19 +54,10 @@ impl SocketCan {
             move |source: io::Error| open_error(what, step, source)
         };
         let socket = CanFdSocket::open(interface).map_err(failed("open it"))?;
-        socket
-            .set_nonblocking(true)
-            .map_err(failed("make it non-blocking"))?;
-        socket
-            .set_error_filter_accept_all()
-            .map_err(failed("ask for error frames"))?;
+        socket.set_nonblocking(true).map_err(failed("make it non-blocking"))?;
+        socket.set_error_filter_accept_all().map_err(failed("ask for error frames"))?;
         kernel_socket::prepare(socket.as_fd()).map_err(failed("ask for receive times"))?;
-        Ok(Self {
-            name,
-            socket,
-            drops: DropCounter::default(),
-            counts: BusCounts::default(),
-        })
+        Ok(Self { name, socket, drops: DropCounter::default(), counts: BusCounts::default() })
     }
 
     fn accept(&mut self, arrival: &Arrival, bytes: &[u8; FD_SIZE]) -> Option<Received> {
@@ -80,10 +71,7 @@ impl SocketCan {
         } else {
             self.counts.received += 1;
         }
-        Some(Received {
-            frame,
-            stamp_ns: arrival.stamp_ns,
-        })
+        Some(Received { frame, stamp_ns: arrival.stamp_ns })
     }
 }
 
@@ -102,11 +90,7 @@ impl Bus for SocketCan {
             return Err(SendError::Unsupported);
         }
         let bytes = layout(frame);
-        let size = if frame.flags().is_fd {
-            FD_SIZE
-        } else {
-            CLASSIC_SIZE
-        };
+        let size = if frame.flags().is_fd { FD_SIZE } else { CLASSIC_SIZE };
         match rustix::io::write(&self.socket, &bytes[..size]) {
             Ok(_) => {
                 self.counts.sent += 1;
@@ -191,11 +175,7 @@ fn parse(bytes: &[u8]) -> Option<Frame> {
         is_error,
     };
     let length = usize::from(bytes[4]);
-    let data = if flags.is_rtr {
-        &[]
-    } else {
-        bytes.get(DATA..DATA + length)?
-    };
+    let data = if flags.is_rtr { &[] } else { bytes.get(DATA..DATA + length)? };
     Frame::build(word & !(EXTENDED | REMOTE | ERROR), flags, length, data).ok()
 }
 

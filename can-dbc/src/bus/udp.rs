@@ -66,10 +66,8 @@ impl Udp {
         if !group.is_multicast() {
             return Err(OpenError::NotMulticast { group });
         }
-        let tag = wire::Tag::new(tag).ok_or_else(|| OpenError::LongTag {
-            tag: tag.to_owned(),
-            max: wire::Tag::CAPACITY,
-        })?;
+        let tag = wire::Tag::new(tag)
+            .ok_or_else(|| OpenError::LongTag { tag: tag.to_owned(), max: wire::Tag::CAPACITY })?;
         let name = format!("udp:{group}:{port}");
         let failed = |step| {
             let what = name.clone();
@@ -82,10 +80,7 @@ impl Udp {
         let receiver = open_receiver(group, port).map_err(failed("join the group on 127.0.0.1"))?;
         kernel_socket::prepare(receiver.as_fd()).map_err(failed("ask for receive times"))?;
         let sender = open_sender(group, port).map_err(failed("open a socket on 127.0.0.1"))?;
-        let own_address = match sender
-            .local_addr()
-            .map_err(failed("read its own address"))?
-        {
+        let own_address = match sender.local_addr().map_err(failed("read its own address"))? {
             std::net::SocketAddr::V4(address) => address,
             std::net::SocketAddr::V6(_) => unreachable!("the socket was bound to an IPv4 address"),
         };
@@ -113,18 +108,11 @@ impl Udp {
             self.counts.foreign += 1;
             return None;
         }
-        let frame = if arrival.is_truncated {
-            None
-        } else {
-            wire::unpack(datagram)
-        };
+        let frame = if arrival.is_truncated { None } else { wire::unpack(datagram) };
         match frame {
             Some(frame) => {
                 self.counts.received += 1;
-                Some(Received {
-                    frame,
-                    stamp_ns: arrival.stamp_ns,
-                })
+                Some(Received { frame, stamp_ns: arrival.stamp_ns })
             }
             None => {
                 self.counts.malformed += 1;
@@ -216,11 +204,7 @@ impl Neighbours {
         if address.is_loopback() {
             return true;
         }
-        if let Some((_, verdict)) = self
-            .known
-            .iter()
-            .flatten()
-            .find(|(known, _)| *known == address)
+        if let Some((_, verdict)) = self.known.iter().flatten().find(|(known, _)| *known == address)
         {
             return *verdict;
         }
@@ -249,11 +233,7 @@ mod tests {
     #[test]
     fn a_group_that_is_no_multicast_address_is_refused() {
         let group = Ipv4Addr::new(192, 168, 0, 1);
-        let refused = Udp::join(UdpOptions {
-            group,
-            port: 47_000,
-            tag: "",
-        });
+        let refused = Udp::join(UdpOptions { group, port: 47_000, tag: "" });
         assert!(matches!(refused, Err(OpenError::NotMulticast { .. })));
     }
 
@@ -263,11 +243,7 @@ mod tests {
         // Held without SO_REUSEADDR, and for every address, the group's among them.
         let holder = UdpSocket::bind("0.0.0.0:0").expect("a free port");
         let port = holder.local_addr().expect("bound").port();
-        let refused = Udp::join(UdpOptions {
-            group,
-            port,
-            tag: "",
-        });
+        let refused = Udp::join(UdpOptions { group, port, tag: "" });
         assert!(matches!(refused, Err(OpenError::PortBusy { port: named }) if named == port));
     }
 }

@@ -37,10 +37,7 @@ fn a_message_comes_back_within_half_a_factor() {
     let sent = state();
     let frame = sent.encode(17).expect("in range");
     let (seen, counter) = EgoState::decode(&frame).expect("undamaged");
-    assert_eq!(
-        (seen.tick, seen.bench_time_ns, counter),
-        (sent.tick, sent.bench_time_ns, 17)
-    );
+    assert_eq!((seen.tick, seen.bench_time_ns, counter), (sent.tick, sent.bench_time_ns, 17));
     assert!((seen.position_x_m - sent.position_x_m).abs() <= 0.5e-4);
     assert!((seen.position_y_m - sent.position_y_m).abs() <= 0.5e-4);
     assert!((seen.heading_rad - sent.heading_rad).abs() <= 0.5e-5);
@@ -50,10 +47,7 @@ fn a_message_comes_back_within_half_a_factor() {
 #[test]
 fn what_was_decoded_encodes_to_the_same_frame() {
     for raw in (-8_388_608_i64..=8_388_607).step_by(997).chain([8_388_607]) {
-        let sent = EgoState {
-            position_y_m: raw as f64 * 0.0001,
-            ..state()
-        };
+        let sent = EgoState { position_y_m: raw as f64 * 0.0001, ..state() };
         let frame = sent.encode(0).expect("in range");
         let (seen, _) = EgoState::decode(&frame).expect("undamaged");
         assert_eq!(seen.encode(0), Ok(frame), "raw {raw}");
@@ -64,12 +58,7 @@ fn what_was_decoded_encodes_to_the_same_frame() {
 fn halves_round_to_even() {
     // A factor of 0.1 N: 0.05 is half a step, 0.15 one and a half.
     let force_raw = |force_n| {
-        let frame = Actuation {
-            force_n,
-            ..Actuation::default()
-        }
-        .encode(0)
-        .expect("in range");
+        let frame = Actuation { force_n, ..Actuation::default() }.encode(0).expect("in range");
         let mut raw = None;
         crate::decode_signals(&frame, &mut |signal, value, _| {
             if signal.name == "Force" {
@@ -84,29 +73,14 @@ fn halves_round_to_even() {
 
 #[test]
 fn what_is_no_number_or_does_not_fit_is_refused_by_name() {
-    let with = |force_n| {
-        Actuation {
-            force_n,
-            ..Actuation::default()
-        }
-        .encode(0)
-    };
+    let with = |force_n| Actuation { force_n, ..Actuation::default() }.encode(0);
     assert_eq!(with(f64::NAN), Err(EncodeError::NotANumber("Force")));
     assert_eq!(with(f64::INFINITY), Err(EncodeError::OutOfRange("Force")));
     assert_eq!(with(838_860.8), Err(EncodeError::OutOfRange("Force")));
     assert!(with(838_860.7).is_ok() && with(-838_860.8).is_ok());
-    let mission = Mission {
-        platoon_size: 17,
-        ..Mission::default()
-    };
-    assert_eq!(
-        mission.encode(0),
-        Err(EncodeError::OutOfRange("PlatoonSize"))
-    );
-    let late = EgoState {
-        bench_time_ns: 1 << 48,
-        ..state()
-    };
+    let mission = Mission { platoon_size: 17, ..Mission::default() };
+    assert_eq!(mission.encode(0), Err(EncodeError::OutOfRange("PlatoonSize")));
+    let late = EgoState { bench_time_ns: 1 << 48, ..state() };
     assert_eq!(late.encode(0), Err(EncodeError::OutOfRange("BenchTime")));
 }
 
@@ -116,40 +90,23 @@ fn every_obstacle_page_is_its_own() {
         let frame = obstacle(page).encode(page).expect("in range");
         let (seen, counter) = Obstacle::decode(&frame).expect("undamaged");
         assert_eq!(counter, page);
-        assert_eq!(
-            (seen.page, seen.kind, seen.member),
-            (page, ObstacleKind::PlatoonTruck, 3)
-        );
+        assert_eq!((seen.page, seen.kind, seen.member), (page, ObstacleKind::PlatoonTruck, 3));
         assert!((seen.heading_rad - -3.123_46).abs() <= 0.5e-5);
         let mut names = Vec::new();
         crate::decode_signals(&frame, &mut |signal, _, _| names.push(signal.name));
         assert_eq!(names.len(), 13);
-        assert!(
-            names[3..]
-                .iter()
-                .all(|name| name.ends_with(&format!("_{page}")))
-        );
+        assert!(names[3..].iter().all(|name| name.ends_with(&format!("_{page}"))));
     }
-    assert_eq!(
-        obstacle(8).encode(0),
-        Err(EncodeError::OutOfRange("ObstaclePage"))
-    );
+    assert_eq!(obstacle(8).encode(0), Err(EncodeError::OutOfRange("ObstaclePage")));
 }
 
 #[test]
 fn writing_a_page_leaves_nothing_of_another() {
     let other = obstacle(1).encode(5).expect("in range");
-    let empty = Obstacle {
-        page: 1,
-        ..Obstacle::default()
-    };
+    let empty = Obstacle { page: 1, ..Obstacle::default() };
     assert_ne!(empty.encode(5), Ok(other));
-    let again = Obstacle {
-        member: 255,
-        ..Obstacle::decode(&empty.encode(5).expect("ok"))
-            .expect("ok")
-            .0
-    };
+    let again =
+        Obstacle { member: 255, ..Obstacle::decode(&empty.encode(5).expect("ok")).expect("ok").0 };
     assert_eq!(again, empty);
 }
 
@@ -161,31 +118,15 @@ fn frames_that_are_not_the_message_are_told_apart() {
     assert_eq!(Actuation::decode(&frame), Err(DecodeError::UnknownId));
     let short = rebuilt(flags, &frame.data()[..24]);
     assert_eq!(EgoState::decode(&short), Err(DecodeError::WrongLength));
-    let classic = FrameFlags {
-        is_fd: false,
-        brs: false,
-        ..flags
-    };
-    assert_eq!(
-        EgoState::decode(&rebuilt(classic, &[0; 8])),
-        Err(DecodeError::WrongFlags)
-    );
+    let classic = FrameFlags { is_fd: false, brs: false, ..flags };
+    assert_eq!(EgoState::decode(&rebuilt(classic, &[0; 8])), Err(DecodeError::WrongFlags));
     let mut damaged = frame.data().to_vec();
     damaged[20] ^= 4;
-    assert_eq!(
-        EgoState::decode(&rebuilt(flags, &damaged)),
-        Err(DecodeError::Crc)
-    );
+    assert_eq!(EgoState::decode(&rebuilt(flags, &damaged)), Err(DecodeError::Crc));
     let unknown = Frame::new(0x123, FrameFlags::default(), &[]).expect("valid");
     assert_eq!(Message::decode(&unknown), Err(DecodeError::UnknownId));
     // The bit rate of the data phase is no part of the message.
-    let slow = rebuilt(
-        FrameFlags {
-            brs: false,
-            ..flags
-        },
-        frame.data(),
-    );
+    let slow = rebuilt(FrameFlags { brs: false, ..flags }, frame.data());
     assert!(EgoState::decode(&slow).is_ok());
 }
 
@@ -196,10 +137,7 @@ fn a_value_without_meaning_is_refused_even_when_its_crc_is_right() {
     data[31] |= 0xF0; // NavStatus, the last four bits
     crate::e2e::protect(&mut data, EgoState::E2E_DATA_ID, 9);
     let forged = Frame::new(EgoState::ID, frame.flags(), &data).expect("valid");
-    assert_eq!(
-        EgoState::decode(&forged),
-        Err(DecodeError::OutOfRange("NavStatus"))
-    );
+    assert_eq!(EgoState::decode(&forged), Err(DecodeError::OutOfRange("NavStatus")));
 }
 
 #[test]

@@ -18,37 +18,21 @@ struct Pair {
 
 fn loopback() -> Pair {
     let (here, there) = Loopback::pair("loopback0", 4096);
-    Pair {
-        here: Box::new(here),
-        there: Box::new(there),
-        _lease: None,
-    }
+    Pair { here: Box::new(here), there: Box::new(there), _lease: None }
 }
 
 fn udp() -> Pair {
     let lease = PortLease::acquire(46_100).expect("a free port");
     let join = |tag| {
-        let options = UdpOptions {
-            group: Udp::group_of_bus(0),
-            port: lease.port(),
-            tag,
-        };
+        let options = UdpOptions { group: Udp::group_of_bus(0), port: lease.port(), tag };
         Box::new(Udp::join(options).expect("multicast on the loopback interface"))
     };
-    Pair {
-        here: join("here"),
-        there: join("there"),
-        _lease: Some(lease),
-    }
+    Pair { here: join("here"), there: join("there"), _lease: Some(lease) }
 }
 
 fn socketcan() -> Pair {
     let open = || Box::new(SocketCan::open("vcan0").expect("vcan0 is up"));
-    Pair {
-        here: open(),
-        there: open(),
-        _lease: None,
-    }
+    Pair { here: open(), there: open(), _lease: None }
 }
 
 macro_rules! conformance {
@@ -81,29 +65,16 @@ fn receive(bus: &mut dyn Bus) -> Received {
         if let Some(received) = bus.receive().expect("the bus is up") {
             return received;
         }
-        assert!(
-            bus.wait(PATIENCE).expect("the bus is up"),
-            "a frame was lost"
-        );
+        assert!(bus.wait(PATIENCE).expect("the bus is up"), "a frame was lost");
     }
 }
 
 fn all_kinds() -> Vec<Frame> {
     let classic = FrameFlags::default();
-    let extended = FrameFlags {
-        is_extended: true,
-        ..classic
-    };
-    let fd = FrameFlags {
-        is_fd: true,
-        ..classic
-    };
+    let extended = FrameFlags { is_extended: true, ..classic };
+    let fd = FrameFlags { is_fd: true, ..classic };
     let brs = FrameFlags { brs: true, ..fd };
-    let esi = FrameFlags {
-        esi: true,
-        is_extended: true,
-        ..brs
-    };
+    let esi = FrameFlags { esi: true, is_extended: true, ..brs };
     let bytes: Vec<u8> = (1..=64).collect();
     let mut frames = Vec::new();
     for length in 0..=8 {
@@ -120,12 +91,7 @@ fn all_kinds() -> Vec<Frame> {
 }
 
 fn numbered(number: u32) -> Frame {
-    let flags = FrameFlags {
-        is_extended: true,
-        is_fd: true,
-        brs: true,
-        ..FrameFlags::default()
-    };
+    let flags = FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
     Frame::new(0x18FF_1080, flags, &number.to_le_bytes()).expect("valid")
 }
 
@@ -155,11 +121,7 @@ fn an_empty_bus_returns_at_once(mut pair: Pair) {
 }
 
 fn waiting_ends_when_a_frame_comes(pair: Pair) {
-    let Pair {
-        mut here,
-        mut there,
-        _lease,
-    } = pair;
+    let Pair { mut here, mut there, _lease } = pair;
     let sender = std::thread::spawn(move || {
         std::thread::sleep(Duration::from_millis(5));
         here.send(&numbered(7)).expect("room");
@@ -188,20 +150,10 @@ fn counts_match_the_traffic(mut pair: Pair) {
     }
     assert_eq!(pair.here.receive(), Ok(None));
     let (here, there) = (pair.here.counts(), pair.there.counts());
-    assert_eq!(
-        (here.sent, here.received, there.sent, there.received),
-        (20, 0, 0, 20)
-    );
-    assert_eq!(
-        (here.send_full, here.send_failed, there.receive_overflow),
-        (0, 0, 0)
-    );
+    assert_eq!((here.sent, here.received, there.sent, there.received), (20, 0, 0, 20));
+    assert_eq!((here.send_full, here.send_failed, there.receive_overflow), (0, 0, 0));
     assert_eq!((there.malformed, there.foreign, there.own_echo), (0, 0, 0));
-    let echoes = if pair.here.backend() == Backend::Udp {
-        20
-    } else {
-        0
-    };
+    let echoes = if pair.here.backend() == Backend::Udp { 20 } else { 0 };
     assert_eq!(here.own_echo, echoes);
 }
 
@@ -227,21 +179,12 @@ fn a_slow_reader_loses_frames_only_by_count(mut pair: Pair) {
     assert_eq!(here.sent, taken + 1);
     assert_eq!(there.received, seen + 1);
     assert_eq!(there.received + there.receive_overflow, here.sent);
-    assert!(
-        here.send_full + there.receive_overflow > 0,
-        "the flood was no flood"
-    );
+    assert!(here.send_full + there.receive_overflow > 0, "the flood was no flood");
 }
 
 fn a_message_survives_the_bus(mut pair: Pair) {
-    let sent = Actuation {
-        force_n: -1234.5,
-        steering_rad: 0.01,
-        ..Actuation::default()
-    };
-    pair.here
-        .send(&sent.encode(42).expect("in range"))
-        .expect("room");
+    let sent = Actuation { force_n: -1234.5, steering_rad: 0.01, ..Actuation::default() };
+    pair.here.send(&sent.encode(42).expect("in range")).expect("room");
     let (seen, counter) = Actuation::decode(&receive(&mut *pair.there).frame).expect("undamaged");
     assert_eq!((seen, counter), (sent, 42));
 }
@@ -260,18 +203,10 @@ fn stamps_do_not_go_back(mut pair: Pair) {
 #[test]
 fn an_interface_that_carries_no_can_is_refused_with_a_remedy() {
     // Without CAN in the kernel the reason is another one, and so is the remedy.
-    let refusal = SocketCan::open("lo")
-        .expect_err("no CAN interface")
-        .to_string();
-    let remedy = if platoon_dbc::probe::kernel_has_can() {
-        "name a vcan"
-    } else {
-        "use the udp bus"
-    };
-    assert!(
-        refusal.starts_with("interface lo: ") && refusal.contains(remedy),
-        "{refusal}"
-    );
+    let refusal = SocketCan::open("lo").expect_err("no CAN interface").to_string();
+    let remedy =
+        if platoon_dbc::probe::kernel_has_can() { "name a vcan" } else { "use the udp bus" };
+    assert!(refusal.starts_with("interface lo: ") && refusal.contains(remedy), "{refusal}");
 }
 
 #[test]
@@ -283,10 +218,7 @@ fn an_interface_in_no_state_for_the_contract_is_refused_with_a_remedy() {
         ("vcan9", "there is none of this name"),
     ] {
         let refusal = SocketCan::open(interface).expect_err("unfit").to_string();
-        assert!(
-            refusal.contains(interface) && refusal.contains(remedy),
-            "{refusal}"
-        );
+        assert!(refusal.contains(interface) && refusal.contains(remedy), "{refusal}");
     }
 }
 
@@ -294,11 +226,7 @@ fn an_interface_in_no_state_for_the_contract_is_refused_with_a_remedy() {
 fn buses_that_share_a_port_do_not_hear_each_other() {
     let lease = PortLease::acquire(46_100).expect("a free port");
     let join = |bus| {
-        let options = UdpOptions {
-            group: Udp::group_of_bus(bus),
-            port: lease.port(),
-            tag: "",
-        };
+        let options = UdpOptions { group: Udp::group_of_bus(bus), port: lease.port(), tag: "" };
         Udp::join(options).expect("multicast on the loopback interface")
     };
     let (mut rig, mut ecu, mut other) = (join(0), join(0), join(1));
@@ -311,20 +239,12 @@ fn buses_that_share_a_port_do_not_hear_each_other() {
 fn three_nodes_of_a_group_all_hear_each_other() {
     let lease = PortLease::acquire(46_100).expect("a free port");
     let mut nodes = [(); 3].map(|()| {
-        let options = UdpOptions {
-            group: Udp::group_of_bus(2),
-            port: lease.port(),
-            tag: "",
-        };
+        let options = UdpOptions { group: Udp::group_of_bus(2), port: lease.port(), tag: "" };
         Udp::join(options).expect("multicast on the loopback interface")
     });
     for sender in 0..3 {
         nodes[sender].send(&numbered(sender as u32)).expect("room");
-        for (index, node) in nodes
-            .iter_mut()
-            .enumerate()
-            .filter(|(index, _)| *index != sender)
-        {
+        for (index, node) in nodes.iter_mut().enumerate().filter(|(index, _)| *index != sender) {
             assert_eq!(receive(node).frame, numbered(sender as u32), "node {index}");
         }
     }
@@ -335,11 +255,7 @@ fn datagrams_that_are_no_frame_are_counted_and_skipped() {
     let lease = PortLease::acquire(46_100).expect("a free port");
     let group = Udp::group_of_bus(3);
     let join = || {
-        let options = UdpOptions {
-            group,
-            port: lease.port(),
-            tag: "",
-        };
+        let options = UdpOptions { group, port: lease.port(), tag: "" };
         Udp::join(options).expect("multicast on the loopback interface")
     };
     let (mut here, mut there) = (join(), join());
@@ -347,9 +263,7 @@ fn datagrams_that_are_no_frame_are_counted_and_skipped() {
     rustix::net::sockopt::set_ip_multicast_if(&stranger, &std::net::Ipv4Addr::LOCALHOST)
         .expect("the loopback interface");
     for datagram in [&b""[..], b"hello", &[0xFF; 2000], &[0x81; 100]] {
-        stranger
-            .send_to(datagram, (group, lease.port()))
-            .expect("sent");
+        stranger.send_to(datagram, (group, lease.port())).expect("sent");
     }
     here.send(&numbered(9)).expect("room");
     assert_eq!(receive(&mut there).frame, numbered(9));

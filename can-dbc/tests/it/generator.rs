@@ -52,26 +52,12 @@ fn refusal(from: &str, to: &str) -> String {
 fn a_good_dbc_is_understood() {
     let contract = Contract::read(GOOD).expect("good");
     let message = &contract.messages[0];
-    let fields: Vec<_> = message
-        .fields
-        .iter()
-        .map(|field| field.name.as_str())
-        .collect();
+    let fields: Vec<_> = message.fields.iter().map(|field| field.name.as_str()).collect();
     assert_eq!(fields, ["page", "speed_mps"]);
-    assert_eq!(
-        (message.id, message.cycle_time_ms, message.e2e_data_id),
-        (0x18FF_1080, 10, 5)
-    );
-    assert_eq!(
-        (message.signals[3].raw_min, message.signals[3].raw_max),
-        (-32_768, 32_767)
-    );
+    assert_eq!((message.id, message.cycle_time_ms, message.e2e_data_id), (0x18FF_1080, 10, 5));
+    assert_eq!((message.signals[3].raw_min, message.signals[3].raw_max), (-32_768, 32_767));
     let code = emit::code(&contract);
-    for line in [
-        "pub speed_mps: f64,",
-        "pub page: u8,",
-        "pub const ID: u32 = 0x18FF1080;",
-    ] {
+    for line in ["pub speed_mps: f64,", "pub page: u8,", "pub const ID: u32 = 0x18FF1080;"] {
         assert!(code.contains(line), "{line}");
     }
 }
@@ -82,61 +68,21 @@ fn each_fault_is_refused_with_its_place() {
         ("BU_: Rig", "BU_ Rig Rig:", "not a DBC"),
         ("BO_ 2566852736 Demo", "BO_ 256 Demo", "29-bit"),
         ("Demo: 16", "Demo: 17", "17 bytes"),
-        (
-            "\"VFrameFormat\" 15",
-            "\"VFrameFormat\" 14",
-            "ExtendedCAN_FD",
-        ),
+        ("\"VFrameFormat\" 15", "\"VFrameFormat\" 14", "ExtendedCAN_FD"),
         ("\"E2EDataId\" 5", "\"E2EDataId\" 0", "E2EDataId 0"),
-        (
-            "\"GenMsgCycleTime\" 10",
-            "\"GenMsgCycleTime\" 0",
-            "GenMsgCycleTime 0",
-        ),
-        (
-            "E2eCounter : 16|8",
-            "E2eCounter : 17|8",
-            "E2eCounter must be at 16|8",
-        ),
-        (
-            "DemoPage M : 24|8",
-            "DemoPage M : 25|8",
-            "DemoPage and Speed_0 overlap",
-        ),
-        (
-            "Speed_1 m1 : 32|16@1",
-            "Speed_1 m1 : 32|16@0",
-            "Speed_1: Motorola",
-        ),
-        (
-            "Speed_1 m1 : 32|16",
-            "Speed_1 m1 : 120|16",
-            "Speed_1: bits 120|16",
-        ),
-        (
-            "Speed_1 m1 : 32|16",
-            "Speed_1 m1 : 48|16",
-            "Speed_1: pages must be alike",
-        ),
+        ("\"GenMsgCycleTime\" 10", "\"GenMsgCycleTime\" 0", "GenMsgCycleTime 0"),
+        ("E2eCounter : 16|8", "E2eCounter : 17|8", "E2eCounter must be at 16|8"),
+        ("DemoPage M : 24|8", "DemoPage M : 25|8", "DemoPage and Speed_0 overlap"),
+        ("Speed_1 m1 : 32|16@1", "Speed_1 m1 : 32|16@0", "Speed_1: Motorola"),
+        ("Speed_1 m1 : 32|16", "Speed_1 m1 : 120|16", "Speed_1: bits 120|16"),
+        ("Speed_1 m1 : 32|16", "Speed_1 m1 : 48|16", "Speed_1: pages must be alike"),
         ("Speed_1 m1", "Pace_1 m1", "Pace_1"),
         ("[0|1]", "[0|2]", "2 whole pages"),
-        (
-            "(0.01,0) [-327.68|327.67]",
-            "(0.01,0) [-328|327.67]",
-            "Speed_0: range",
-        ),
+        ("(0.01,0) [-327.68|327.67]", "(0.01,0) [-328|327.67]", "Speed_0: range"),
         ("(0.01,0)", "(0,0)", "Speed_0: factor 0"),
         ("\"m/s\"", "\"furlong\"", "no suffix for unit \"furlong\""),
-        (
-            "CM_ SG_ 2566852736 DemoPage \"Page.\";",
-            "",
-            "DemoPage: it has no CM_",
-        ),
-        (
-            "\"GenSigStartValue\" 0;",
-            "\"GenSigStartValue\" 7;",
-            "start value 7 is out of range",
-        ),
+        ("CM_ SG_ 2566852736 DemoPage \"Page.\";", "", "DemoPage: it has no CM_"),
+        ("\"GenSigStartValue\" 0;", "\"GenSigStartValue\" 7;", "start value 7 is out of range"),
     ] {
         let refusal = refusal(from, to);
         assert!(refusal.contains(expected), "{to}: {refusal}");
@@ -147,10 +93,7 @@ fn each_fault_is_refused_with_its_place() {
 fn names_follow_the_house_style() {
     assert_eq!(names::snake_case("PositionX"), "position_x");
     assert_eq!(names::constant_case("V2vState"), "V2V_STATE");
-    assert_eq!(
-        names::variant("held previous plan").as_deref(),
-        Some("HeldPreviousPlan")
-    );
+    assert_eq!(names::variant("held previous plan").as_deref(), Some("HeldPreviousPlan"));
     assert_eq!(names::variant("3rd"), None);
     assert_eq!(names::unit_suffix("rad/s"), Some("_radps"));
 }

@@ -41,12 +41,8 @@ fn allocations(work: impl FnOnce()) -> u64 {
 fn exchange(here: &mut dyn Bus, there: &mut dyn Bus) {
     let mut supervisor = e2e::Supervisor::new();
     for counter in 0..100 {
-        let state = EgoState {
-            tick: u32::from(counter),
-            ..EgoState::default()
-        };
-        here.send(&state.encode(counter).expect("in range"))
-            .expect("room");
+        let state = EgoState { tick: u32::from(counter), ..EgoState::default() };
+        here.send(&state.encode(counter).expect("in range")).expect("room");
         assert_eq!(there.wait(Duration::from_secs(5)), Ok(true));
         let received = there.receive().expect("up").expect("waiting");
         let (message, counter) = Message::decode(&received.frame).expect("undamaged");
@@ -73,11 +69,7 @@ fn a_cycle_over_loopback_allocates_nothing() {
 fn a_cycle_over_udp_allocates_nothing() {
     let lease = PortLease::acquire(46_500).expect("a free port");
     let [mut here, mut there] = [(); 2].map(|()| {
-        let options = UdpOptions {
-            group: Udp::group_of_bus(0),
-            port: lease.port(),
-            tag: "truck0",
-        };
+        let options = UdpOptions { group: Udp::group_of_bus(0), port: lease.port(), tag: "truck0" };
         Udp::join(options).expect("multicast on the loopback interface")
     });
     assert_eq!(allocations(|| exchange(&mut here, &mut there)), 0);

@@ -148,14 +148,8 @@ impl Bicycle {
         // d(slip)/du = -(v + l r)/ue * ue'/ue for either axle.
         let front_u = -(v + self.cg_to_front_m * r) * inverse * inverse * ue_u;
         let rear_u = -rear_slip * inverse * ue_u;
-        let (cf, cr) = (
-            self.front_accel_per_rad * inverse,
-            self.rear_accel_per_rad * inverse,
-        );
-        let (yf, yr) = (
-            self.front_yaw_per_rad * inverse,
-            self.rear_yaw_per_rad * inverse,
-        );
+        let (cf, cr) = (self.front_accel_per_rad * inverse, self.rear_accel_per_rad * inverse);
+        let (yf, yr) = (self.front_yaw_per_rad * inverse, self.rear_yaw_per_rad * inverse);
         let jacobian = Jacobian {
             uu: -resistance_u,
             uv: r,
@@ -296,10 +290,6 @@ mod tests {
             * (truck.cg_to_rear_m / truck.front_stiffness_n_per_rad
                 - truck.cg_to_front_m / truck.rear_stiffness_n_per_rad);
         let expected = u * delta_deg.to_radians() / (length + understeer * u * u);
-        assert!(
-            (state[2] - expected).abs() < 1e-4 * expected,
-            "{} {expected}",
-            state[2]
-        );
+        assert!((state[2] - expected).abs() < 1e-4 * expected, "{} {expected}", state[2]);
     }
 }

@@ -238,14 +238,8 @@ impl Calibration {
             ("truck.cg_to_front_m", truck.cg_to_front_m),
             ("truck.cg_to_rear_m", truck.cg_to_rear_m),
             ("truck.yaw_inertia_kgm2", truck.yaw_inertia_kgm2),
-            (
-                "truck.front_stiffness_n_per_rad",
-                truck.front_stiffness_n_per_rad,
-            ),
-            (
-                "truck.rear_stiffness_n_per_rad",
-                truck.rear_stiffness_n_per_rad,
-            ),
+            ("truck.front_stiffness_n_per_rad", truck.front_stiffness_n_per_rad),
+            ("truck.rear_stiffness_n_per_rad", truck.rear_stiffness_n_per_rad),
             ("truck.half_width_m", truck.half_width_m),
             ("ucl.delay_bound_s", ucl.delay_bound_s),
             ("ucl.lead_time_s", ucl.lead_time_s),
@@ -291,27 +285,20 @@ impl Calibration {
             ("lml.slack_linear.1", lml.slack_linear[1]),
             ("lml.slack_linear.2", lml.slack_linear[2]),
         ];
-        let negative = [
-            ("ucl.accel_min_mps2", ucl.accel_min_mps2),
-            ("lml.force_min_kn", lml.force_min_kn),
-        ];
+        let negative =
+            [("ucl.accel_min_mps2", ucl.accel_min_mps2), ("lml.force_min_kn", lml.force_min_kn)];
         let gains = ucl.k1.iter().chain(&ucl.k2);
 
         // `cutoff` alone may be infinite: that is the paper's untruncated potential.
         let sound = |x: f64, key: &str| x.is_finite() || (key == "lml.cutoff" && x > 0.0);
         let bad = |set: &[(&'static str, f64)], ok: fn(f64) -> bool, allowed: &'static str| {
-            set.iter()
-                .find(|&&(key, x)| !sound(x, key) || !ok(x))
-                .map(|&(key, _)| (key, allowed))
+            set.iter().find(|&&(key, x)| !sound(x, key) || !ok(x)).map(|&(key, _)| (key, allowed))
         };
         bad(&positive, |x| x > 0.0, "a number greater than 0")
             .or_else(|| bad(&not_negative, |x| x >= 0.0, "a number of at least 0"))
             .or_else(|| bad(&negative, |x| x < 0.0, "a number less than 0"))
             .or_else(|| {
-                gains
-                    .into_iter()
-                    .any(|k| !k.is_finite())
-                    .then_some(("ucl.k1/k2", "finite gains"))
+                gains.into_iter().any(|k| !k.is_finite()).then_some(("ucl.k1/k2", "finite gains"))
             })
             .or_else(|| (self.lml_every_ticks == 0).then_some(("lml_every_ticks", "at least 1")))
     }

@@ -12,7 +12,7 @@ pub struct Motion {
     pub time_ns: u64,
     /// CG position along the road \[m\].
     pub x_m: f64,
-    /// Speed along the road \[m/s\].
+    /// Speed along the truck \[m/s\].
     pub speed_mps: f64,
     /// Acceleration \[m/s²\].
     pub accel_mps2: f64,
@@ -33,11 +33,7 @@ impl Motion {
     /// The motion at `time_ns` on the straight line between two stamped ones.
     fn between(&self, later: &Self, time_ns: u64) -> Self {
         let span = seconds_between(self.time_ns, later.time_ns);
-        let f = if span > 0.0 {
-            seconds_between(self.time_ns, time_ns) / span
-        } else {
-            1.0
-        };
+        let f = if span > 0.0 { seconds_between(self.time_ns, time_ns) / span } else { 1.0 };
         let mix = |a: f64, b: f64| a + f * (b - a);
         Self {
             time_ns,
@@ -72,26 +68,14 @@ pub struct History {
 impl History {
     /// A history without entries.
     pub const fn new() -> Self {
-        let none = Motion {
-            time_ns: 0,
-            x_m: 0.0,
-            speed_mps: 0.0,
-            accel_mps2: 0.0,
-        };
-        Self {
-            ring: [none; LENGTH],
-            newest: 0,
-            count: 0,
-        }
+        let none = Motion { time_ns: 0, x_m: 0.0, speed_mps: 0.0, accel_mps2: 0.0 };
+        Self { ring: [none; LENGTH], newest: 0, count: 0 }
     }
 
     /// Notes a motion. One that is not newer than the newest is left out: a repeated message adds
     /// nothing, and time does not run backwards.
     pub fn note(&mut self, motion: Motion) {
-        if self
-            .newest()
-            .is_some_and(|newest| motion.time_ns <= newest.time_ns)
-        {
+        if self.newest().is_some_and(|newest| motion.time_ns <= newest.time_ns) {
             return;
         }
         // The newest entry moves with the truck until it is far enough from the one before.
@@ -147,12 +131,7 @@ mod tests {
     const MS: u64 = 1_000_000;
 
     fn cruising(time_ns: u64) -> Motion {
-        Motion {
-            time_ns,
-            x_m: 20.0 * 1e-9 * time_ns as f64,
-            speed_mps: 20.0,
-            accel_mps2: 0.0,
-        }
+        Motion { time_ns, x_m: 20.0 * 1e-9 * time_ns as f64, speed_mps: 20.0, accel_mps2: 0.0 }
     }
 
     #[test]
@@ -166,10 +145,7 @@ mod tests {
             for back_ms in [0, 1, 3, 17, 99, 150, 250, 500] {
                 let time = now - back_ms * MS;
                 let found = history.at(time, 0.25).expect("not empty");
-                assert!(
-                    (found.x_m - cruising(time).x_m).abs() < 1e-9,
-                    "{period_ns} {back_ms}"
-                );
+                assert!((found.x_m - cruising(time).x_m).abs() < 1e-9, "{period_ns} {back_ms}");
             }
         }
     }

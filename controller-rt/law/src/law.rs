@@ -35,11 +35,7 @@ pub struct Law<S = ActiveSet> {
 impl<S: QpSolver> Law<S> {
     /// A law with the given numbers; see [`Calibration::defect`] for what makes sense.
     pub fn new(calibration: Calibration, solver: S) -> Self {
-        Self {
-            calibration,
-            model: Bicycle::new(&calibration.truck),
-            solver,
-        }
+        Self { calibration, model: Bicycle::new(&calibration.truck), solver }
     }
 
     /// The law's numbers.
@@ -99,11 +95,8 @@ impl<S: QpSolver> Law<S> {
         memory.plan = lml::shifted(&memory.plan, since_solve_s);
 
         let surroundings = Surroundings::new(&cal.lml, &cal.truck, seen);
-        let potentials = || {
-            surroundings
-                .potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0)
-                .map(|u| u.value)
-        };
+        let potentials =
+            || surroundings.potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0).map(|u| u.value);
         let q_ref = reference_weight(&cal.lml, potentials());
         let request = Request {
             v_ref_mps: ucl.v_ref_mps,
@@ -118,12 +111,7 @@ impl<S: QpSolver> Law<S> {
         let solution = self.solver.solve(&qp, &mut memory.working_set);
         mark(Phase::Qp);
         let (outcome, slack) = keep_plan(memory, &solution);
-        let report = LmlReport {
-            potential: potentials().sum(),
-            q_ref,
-            slack,
-            qp: solution.report,
-        };
+        let report = LmlReport { potential: potentials().sum(), q_ref, slack, qp: solution.report };
         (outcome, report)
     }
 
@@ -142,16 +130,9 @@ impl<S: QpSolver> Law<S> {
         let steering_rate = cal.steering_rate_radps.to_degrees();
         let toward = |i: usize, rate: f64, min: f64, max: f64| {
             let (now, reach) = (memory.applied[i], rate * elapsed_s);
-            memory.plan[0][i]
-                .clamp(now - reach, now + reach)
-                .clamp(min, max)
+            memory.plan[0][i].clamp(now - reach, now + reach).clamp(min, max)
         };
-        let force_kn = toward(
-            0,
-            cal.force_rate_kn_per_s,
-            cal.force_min_kn,
-            cal.force_max_kn,
-        );
+        let force_kn = toward(0, cal.force_rate_kn_per_s, cal.force_min_kn, cal.force_max_kn);
         let steering_deg = toward(1, steering_rate, -steering_max_deg, steering_max_deg);
         memory.applied = [force_kn, steering_deg];
         Decision {

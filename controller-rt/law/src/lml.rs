@@ -54,21 +54,11 @@ pub fn build(
     request: &Request,
 ) -> Qp {
     let ego = &seen.ego;
-    let start = [
-        ego.forward_mps,
-        ego.lateral_mps,
-        ego.yaw_radps,
-        ego.heading_rad,
-        ego.x_m,
-        ego.y_m,
-    ];
+    let start =
+        [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
     let instants = predict(model, &start, &request.plan);
-    let mut builder = Builder {
-        cal: &cal.lml,
-        request,
-        plan: flatten(&request.plan),
-        qp: Qp::empty(),
-    };
+    let mut builder =
+        Builder { cal: &cal.lml, request, plan: flatten(&request.plan), qp: Qp::empty() };
     builder.input_cost();
     builder.slack_cost();
     builder.input_limits();
@@ -98,11 +88,7 @@ impl Builder<'_> {
     fn input_cost(&mut self) {
         for (i, (&s, &r)) in self.cal.s.iter().zip(&self.cal.r).enumerate() {
             for b in 0..BLOCKS {
-                let steps = if b + 1 < BLOCKS {
-                    1
-                } else {
-                    STEPS + 1 - BLOCKS
-                };
+                let steps = if b + 1 < BLOCKS { 1 } else { STEPS + 1 - BLOCKS };
                 let at = 2 * b + i;
                 self.qp.hessian[(at, at)] += 2.0 * s * steps as f64 + 2.0 * r;
                 if b == 0 {
@@ -126,11 +112,7 @@ impl Builder<'_> {
     /// Q_Y and Q_ref terms of one predicted instant.
     fn tracking_cost(&mut self, instant: &Instant, desired_y_m: f64) {
         let y_error = instant.state[Y] - desired_y_m;
-        self.quadratic(
-            &instant.gain[Y],
-            2.0 * self.cal.q_y,
-            2.0 * self.cal.q_y * y_error,
-        );
+        self.quadratic(&instant.gain[Y], 2.0 * self.cal.q_y, 2.0 * self.cal.q_y * y_error);
         let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
         let weight = 2.0 * self.request.q_ref;
         self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
@@ -185,10 +167,7 @@ impl Builder<'_> {
     /// Actuator rates: between blocks over a prediction step, to the first block over the interval
     /// until the next solve.
     fn rate_limits(&mut self) {
-        let rates = [
-            self.cal.force_rate_kn_per_s,
-            self.cal.steering_rate_radps.to_degrees(),
-        ];
+        let rates = [self.cal.force_rate_kn_per_s, self.cal.steering_rate_radps.to_degrees()];
         for b in 0..BLOCKS {
             for (i, rate) in rates.into_iter().enumerate() {
                 let at = 2 * b + i;

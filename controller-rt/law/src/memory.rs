@@ -48,13 +48,12 @@ impl Memory {
         self.own.note(Motion {
             time_ns: ego.time_ns,
             x_m: ego.x_m,
-            speed_mps: ego.road_speed_mps(),
+            speed_mps: ego.forward_mps,
             accel_mps2: ego.accel_mps2,
         });
-        for (history, message) in [
-            (&mut self.leader, seen.leader),
-            (&mut self.predecessor, seen.predecessor),
-        ] {
+        for (history, message) in
+            [(&mut self.leader, seen.leader), (&mut self.predecessor, seen.predecessor)]
+        {
             match message {
                 Some(message) => history.note(message.motion()),
                 // A lost truck's past must not be joined to a later message.

@@ -78,7 +78,7 @@ pub struct V2v {
     pub x_m: f64,
     /// CG position across the road \[m\].
     pub y_m: f64,
-    /// Speed \[m/s\].
+    /// Speed along the sending truck \[m/s\].
     pub speed_mps: f64,
     /// Acceleration \[m/s²\].
     pub accel_mps2: f64,

@@ -80,30 +80,16 @@ pub fn obstacle(
 ) -> RadialModel {
     let (px, py) = (dx_m / safe.x_m, dy_m / safe.y_m);
     let distance = libm::hypot(px, py);
-    let (nx, ny) = if distance > 0.0 {
-        (px / distance, py / distance)
-    } else {
-        (-1.0, 0.0)
-    };
+    let (nx, ny) = if distance > 0.0 { (px / distance, py / distance) } else { (-1.0, 0.0) };
     let s = distance.max(DISTANCE_MIN);
     let (value, slope, curvature) = match kind {
         ObstacleKind::Vehicle | ObstacleKind::Pedestrian => non_crossable(cal, s),
         ObstacleKind::Bump => {
             let value = cal.crossable_a * libm::exp(-cal.crossable_b * s);
-            (
-                value,
-                -cal.crossable_b * value,
-                cal.crossable_b * cal.crossable_b * value,
-            )
+            (value, -cal.crossable_b * value, cal.crossable_b * cal.crossable_b * value)
         }
     };
-    RadialModel {
-        value,
-        slope,
-        curvature,
-        along_x: nx / safe.x_m,
-        along_y: ny / safe.y_m,
-    }
+    RadialModel { value, slope, curvature, along_x: nx / safe.x_m, along_y: ny / safe.y_m }
 }
 
 /// Eq. 19, cut off smoothly at `sc`: value, first and second derivative by s.
@@ -120,11 +106,7 @@ fn non_crossable(cal: &LmlCalibration, s: f64) -> (f64, f64, f64) {
     } else {
         (0.0, 0.0)
     };
-    (
-        a * (power - tail),
-        -a * (b * power / s - tail_slope),
-        a * b * (b + 1.0) * power / (s * s),
-    )
+    (a * (power - tail), -a * (b * power / s - tail_slope), a * b * (b + 1.0) * power / (s * s))
 }
 
 /// The road-edge potential at distance `d_m` from the limit: value, derivative by `d_m`, curvature.
@@ -133,21 +115,14 @@ pub fn road_edge(cal: &LmlCalibration, d_m: f64) -> (f64, f64, f64) {
     if inside <= 0.0 {
         return (0.0, 0.0, 0.0);
     }
-    (
-        cal.road_a * inside * inside,
-        -2.0 * cal.road_a * inside,
-        2.0 * cal.road_a,
-    )
+    (cal.road_a * inside * inside, -2.0 * cal.road_a * inside, 2.0 * cal.road_a)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const SAFE: SafeDistance = SafeDistance {
-        x_m: 20.0,
-        y_m: 3.0,
-    };
+    const SAFE: SafeDistance = SafeDistance { x_m: 20.0, y_m: 3.0 };
 
     fn at(cal: &LmlCalibration, kind: ObstacleKind, dx_m: f64, dy_m: f64) -> RadialModel {
         obstacle(cal, kind, SAFE, dx_m, dy_m)
@@ -166,10 +141,7 @@ mod tests {
                 let curvature = (u(s + h) - 2.0 * u(s) + u(s - h)) / (h * h);
                 assert!((model.slope - slope).abs() < 1e-4 * model.slope.abs().max(1.0));
                 let scale = model.curvature.abs().max(1.0);
-                assert!(
-                    (model.curvature - curvature).abs() < 1e-2 * scale,
-                    "{curvature}"
-                );
+                assert!((model.curvature - curvature).abs() < 1e-2 * scale, "{curvature}");
             }
         }
     }
@@ -189,10 +161,7 @@ mod tests {
         let cut = LmlCalibration::default();
         let (value, slope, _) = non_crossable(&cut, cut.cutoff - 1e-9);
         assert!(value.abs() < 1e-6 && slope.abs() < 1e-4);
-        let printed = LmlCalibration {
-            cutoff: f64::INFINITY,
-            ..cut
-        };
+        let printed = LmlCalibration { cutoff: f64::INFINITY, ..cut };
         let (value, slope, curvature) = non_crossable(&printed, 2.0);
         assert!((value - 1e4 * libm::pow(2.0, -1.23)).abs() < 1e-9);
         assert!((slope + 1.23 * value / 2.0).abs() < 1e-9);

@@ -31,10 +31,7 @@ pub struct Instant {
 
 /// Predicts the states at steps 1 to N_p under `plan`.
 pub fn predict(model: &Bicycle, start: &State, plan: &[[f64; 2]; BLOCKS]) -> [Instant; STEPS] {
-    let mut instants = [Instant {
-        state: *start,
-        gain: [[0.0; INPUTS]; STATES],
-    }; STEPS];
+    let mut instants = [Instant { state: *start, gain: [[0.0; INPUTS]; STATES] }; STEPS];
     let mut last = instants[0];
     for (k, instant) in instants.iter_mut().enumerate() {
         let input = plan[block(k)];
@@ -72,13 +69,7 @@ mod tests {
     fn gains_agree_with_central_differences_of_the_rollout() {
         let model = Bicycle::new(&TruckBelief::default());
         let start = [18.0, 0.05, 0.02, 0.01, 5.0, 1.0];
-        let plan = [
-            [2.0, 1.0],
-            [5.0, 1.5],
-            [-3.0, 0.5],
-            [-8.0, -1.0],
-            [0.0, -0.2],
-        ];
+        let plan = [[2.0, 1.0], [5.0, 1.5], [-3.0, 0.5], [-8.0, -1.0], [0.0, -0.2]];
         let instants = predict(&model, &start, &plan);
         for j in 0..INPUTS {
             let nudge = 1e-4;

@@ -108,10 +108,7 @@ impl WorkingSet {
     pub fn natural() -> Self {
         let mut set = Self::default();
         for (member, slack) in set.members.iter_mut().zip(INPUTS..VARIABLES) {
-            *member = Some(Active {
-                constraint: slack as u8,
-                upper: false,
-            });
+            *member = Some(Active { constraint: slack as u8, upper: false });
         }
         set
     }
@@ -132,8 +129,7 @@ impl WorkingSet {
 
     /// One bit per active constraint.
     pub fn bits(&self) -> u128 {
-        self.iter()
-            .fold(0, |bits, active| bits | 1 << active.constraint)
+        self.iter().fold(0, |bits, active| bits | 1 << active.constraint)
     }
 }
 

@@ -54,11 +54,7 @@ impl Surroundings {
     /// Assesses road and obstacles of an observation.
     pub fn new(cal: &LmlCalibration, truck: &TruckBelief, seen: &Observation) -> Self {
         let (y_min_m, y_max_m) = lateral_limits(cal, truck, &seen.mission);
-        let mut surroundings = Self {
-            threats: [None; OBSTACLES_MAX],
-            y_min_m,
-            y_max_m,
-        };
+        let mut surroundings = Self { threats: [None; OBSTACLES_MAX], y_min_m, y_max_m };
         for (threat, obstacle) in surroundings.threats.iter_mut().zip(seen.obstacles) {
             *threat = obstacle.map(|obstacle| {
                 let age_s = seconds_between(obstacle.time_ns, seen.time_ns).max(0.0);
@@ -76,19 +72,13 @@ impl Surroundings {
         y_m: f64,
         ahead_s: f64,
     ) -> impl Iterator<Item = RadialModel> + 'a {
-        self.threats
-            .iter()
-            .flatten()
-            .map(move |threat| threat.potential(cal, x_m, y_m, ahead_s))
+        self.threats.iter().flatten().map(move |threat| threat.potential(cal, x_m, y_m, ahead_s))
     }
 
     /// Limits on the position of a truck predicted at (`x_m`, `y_m`), `ahead_s` from now.
     pub fn limits(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, ahead_s: f64) -> PositionLimits {
-        let mut limits = PositionLimits {
-            y_min_m: self.y_min_m,
-            y_max_m: self.y_max_m,
-            x_max_m: f64::INFINITY,
-        };
+        let mut limits =
+            PositionLimits { y_min_m: self.y_min_m, y_max_m: self.y_max_m, x_max_m: f64::INFINITY };
         for threat in self.threats.iter().flatten() {
             threat.tighten(cal, x_m, y_m, ahead_s, &mut limits);
         }
@@ -104,10 +94,7 @@ impl Surroundings {
 /// Limits of the CG's Y that keep the truck's sides on the road \[m\].
 fn lateral_limits(cal: &LmlCalibration, truck: &TruckBelief, mission: &Mission) -> (f64, f64) {
     let inset = truck.half_width_m + cal.edge_margin_m;
-    (
-        mission.right_edge_y_m + inset,
-        mission.left_edge_y_m - inset,
-    )
+    (mission.right_edge_y_m + inset, mission.left_edge_y_m - inset)
 }
 
 impl Threat {
@@ -121,10 +108,7 @@ impl Threat {
         let mut threat = Self {
             obstacle,
             age_s,
-            safe: SafeDistance {
-                x_m: cal.x_0_m,
-                y_m: cal.y_0_m,
-            },
+            safe: SafeDistance { x_m: cal.x_0_m, y_m: cal.y_0_m },
             left_passable: obstacle.y_m + cal.passing_distance_m <= y_max_m + PASSABLE_TOLERANCE_M,
             right_passable: obstacle.y_m - cal.passing_distance_m >= y_min_m - PASSABLE_TOLERANCE_M,
             truck_behind: false,

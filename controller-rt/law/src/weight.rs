@@ -13,9 +13,7 @@ use crate::calibration::LmlCalibration;
 
 /// Q_ref for the potentials of the obstacles seen now.
 pub fn reference_weight(cal: &LmlCalibration, potentials: impl Iterator<Item = f64>) -> f64 {
-    let near: f64 = potentials
-        .map(|u| 1.0 / (cal.sigma_j + u / cal.potential_unit))
-        .sum();
+    let near: f64 = potentials.map(|u| 1.0 / (cal.sigma_j + u / cal.potential_unit)).sum();
     cal.q_0 * (1.0 / cal.sigma_0 + near)
 }
 
@@ -25,19 +23,13 @@ mod tests {
 
     #[test]
     fn without_obstacles_the_weight_is_half_of_q0() {
-        assert_eq!(
-            reference_weight(&LmlCalibration::default(), [].into_iter()),
-            187.5
-        );
+        assert_eq!(reference_weight(&LmlCalibration::default(), [].into_iter()), 187.5);
     }
 
     #[test]
     fn a_nearer_obstacle_lowers_the_weight_in_our_units_but_not_as_printed() {
         let ours = LmlCalibration::default();
-        let printed = LmlCalibration {
-            potential_unit: 1.0,
-            ..ours
-        };
+        let printed = LmlCalibration { potential_unit: 1.0, ..ours };
         let spread = |cal: &LmlCalibration| {
             let (far, near) = (2_000.0, 20_000.0);
             1.0 - reference_weight(cal, [near].into_iter())

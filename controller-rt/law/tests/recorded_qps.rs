@@ -30,9 +30,7 @@ fn recorded() -> Vec<Recorded> {
     let (count, pairs, slots) = (u32_of(&mut bytes), u32_of(&mut bytes), u32_of(&mut bytes));
     let length = VARIABLES * VARIABLES + VARIABLES + ROWS * VARIABLES + 2 * CONSTRAINTS;
     let template: Vec<f64> = (0..length).map(|_| f64_of(&mut bytes)).collect();
-    let pairs: Vec<_> = (0..pairs)
-        .map(|_| (u16_of(&mut bytes), u16_of(&mut bytes)))
-        .collect();
+    let pairs: Vec<_> = (0..pairs).map(|_| (u16_of(&mut bytes), u16_of(&mut bytes))).collect();
     (0..count)
         .map(|_| {
             let sequence = u32_of(&mut bytes);
@@ -51,19 +49,11 @@ fn recorded() -> Vec<Recorded> {
                 hessian: SMatrix::from_row_slice(next(VARIABLES * VARIABLES)),
                 gradient: SVector::from_row_slice(next(VARIABLES)),
                 rows: SMatrix::from_row_slice(next(ROWS * VARIABLES)),
-                lower: next(CONSTRAINTS)
-                    .try_into()
-                    .expect("as many as constraints"),
-                upper: next(CONSTRAINTS)
-                    .try_into()
-                    .expect("as many as constraints"),
+                lower: next(CONSTRAINTS).try_into().expect("as many as constraints"),
+                upper: next(CONSTRAINTS).try_into().expect("as many as constraints"),
             };
             let exact = SVector::from_fn(|_, _| f64_of(&mut bytes));
-            Recorded {
-                sequence,
-                qp,
-                exact,
-            }
+            Recorded { sequence, qp, exact }
         })
         .collect()
 }
@@ -87,10 +77,7 @@ fn a_cold_start_solves_every_recorded_qp() {
         iterations_max = iterations_max.max(solution.report.iterations);
     }
     // Far from the limit of 100, so that the limit never decides.
-    assert!(
-        iterations_max <= 20,
-        "took up to {iterations_max} iterations"
-    );
+    assert!(iterations_max <= 20, "took up to {iterations_max} iterations");
 }
 
 #[test]
@@ -111,13 +98,7 @@ fn the_previous_working_set_solves_every_recorded_qp() {
 fn the_natural_working_set_is_the_answer_to_most() {
     let at_once = recorded()
         .iter()
-        .filter(|r| {
-            ActiveSet
-                .solve(&r.qp, &mut WorkingSet::default())
-                .report
-                .iterations
-                == 0
-        })
+        .filter(|r| ActiveSet.solve(&r.qp, &mut WorkingSet::default()).report.iterations == 0)
         .count();
     assert_eq!(at_once, 341);
 }
@@ -165,11 +146,7 @@ fn numbers_that_are_not_finite_are_infeasible_not_a_panic() {
             }
             let harmless = place == 3 && poison == f64::NEG_INFINITY;
             let solution = ActiveSet.solve(&qp, &mut WorkingSet::default());
-            assert_eq!(
-                solution.status == SolveStatus::Solved,
-                harmless,
-                "{poison} at {place}"
-            );
+            assert_eq!(solution.status == SolveStatus::Solved, harmless, "{poison} at {place}");
         }
     }
 }

@@ -46,17 +46,13 @@ struct Rig {
 impl Rig {
     fn send(&mut self, message: &Message) {
         let counter = &mut self.counters[message.index()];
-        self.bus
-            .send(&message.encode(*counter).expect("in range"))
-            .expect("room");
+        self.bus.send(&message.encode(*counter).expect("in range")).expect("room");
         *counter = counter.wrapping_add(1);
     }
 
     fn hear(&mut self) -> Vec<Message> {
         let frames = std::iter::from_fn(|| self.bus.receive().expect("up"));
-        frames
-            .map(|received| Message::decode(&received.frame).expect("sound").0)
-            .collect()
+        frames.map(|received| Message::decode(&received.frame).expect("sound").0).collect()
     }
 
     fn modes(&mut self) -> Vec<EcuMode> {
@@ -129,10 +125,7 @@ impl Default for Scripted {
 
 impl Controller for Scripted {
     fn step(&mut self, seen: &Observation, mark: &mut dyn FnMut(Phase)) -> Decision {
-        self.asked_ns
-            .lock()
-            .expect("not poisoned")
-            .push(seen.time_ns);
+        self.asked_ns.lock().expect("not poisoned").push(seen.time_ns);
         mark(Phase::Ucl);
         mark(Phase::LmlBuild);
         if let Some((at_ns, takes_ns, clock)) = &self.slow
@@ -152,10 +145,7 @@ impl Controller for Scripted {
     }
 
     fn note_applied(&mut self, force_n: f64, steering_rad: f64) {
-        self.applied
-            .lock()
-            .expect("not poisoned")
-            .push((force_n, steering_rad));
+        self.applied.lock().expect("not poisoned").push((force_n, steering_rad));
     }
 
     fn save(&self, _out: &mut [u8]) -> Option<usize> {
@@ -170,13 +160,7 @@ impl Controller for Scripted {
 fn ecu_with(controller: impl Controller + 'static) -> (Rig, Ecu) {
     let (rig, bus) = Loopback::pair("loopback0", 1024);
     let ecu = Ecu::new(Config::default(), Box::new(bus), Box::new(controller), None);
-    (
-        Rig {
-            bus: rig,
-            counters: [0; 7],
-        },
-        ecu,
-    )
+    (Rig { bus: rig, counters: [0; 7] }, ecu)
 }
 
 /// An ECU that has its mission and tick 0, ready for slot 0.
@@ -200,12 +184,9 @@ fn commands(heard: &[Message]) -> Vec<(u32, f64, f64, ActuationStatus)> {
     heard
         .iter()
         .filter_map(|message| match message {
-            Message::Actuation(a) => Some((
-                a.answers_tick,
-                a.force_n,
-                a.steering_rad,
-                a.actuation_status,
-            )),
+            Message::Actuation(a) => {
+                Some((a.answers_tick, a.force_n, a.steering_rad, a.actuation_status))
+            }
             _ => None,
         })
         .collect()
@@ -244,18 +225,13 @@ fn every_tick_answers_the_newest_state_with_one_command() {
     for (n, command) in sent.iter().enumerate() {
         assert_eq!(*command, (n as u32, 1_000.0, 0.0, ActuationStatus::Solved));
     }
-    let broadcasts = heard
-        .iter()
-        .filter(|message| matches!(message, Message::V2vOut(_)));
+    let broadcasts = heard.iter().filter(|message| matches!(message, Message::V2vOut(_)));
     assert_eq!(broadcasts.count(), 5, "every 20 ms");
 }
 
 #[test]
 fn the_controller_learns_what_the_guard_admitted() {
-    let scripted = Scripted {
-        force_n: 30_000.0,
-        ..Scripted::default()
-    };
+    let scripted = Scripted { force_n: 30_000.0, ..Scripted::default() };
     let applied = Arc::clone(&scripted.applied);
     let (mut rig, mut ecu, clock) = running(scripted);
     tick(&mut ecu, &clock, 0);
@@ -263,21 +239,15 @@ fn the_controller_learns_what_the_guard_admitted() {
     tick(&mut ecu, &clock, 1);
     let sent = commands(&rig.hear());
     let applied = applied.lock().expect("not poisoned");
-    assert_eq!(
-        applied[1].0, 6_262.0,
-        "6200 N at first, then 62 N in a millisecond"
-    );
+    assert_eq!(applied[1].0, 6_262.0, "6200 N at first, then 62 N in a millisecond");
     assert_eq!(sent[1].1, 6_262.0);
     assert_eq!(ecu.finish(&clock).guard["force"], 2);
 }
 
 #[test]
 fn a_controller_that_computes_nonsense_is_never_heard_on_the_bus() {
-    let scripted = Scripted {
-        force_n: f64::NAN,
-        steering_rad: f64::INFINITY,
-        ..Scripted::default()
-    };
+    let scripted =
+        Scripted { force_n: f64::NAN, steering_rad: f64::INFINITY, ..Scripted::default() };
     let (mut rig, mut ecu, clock) = running(scripted);
     for n in 0..1_000 {
         if n > 0 {
@@ -286,16 +256,9 @@ fn a_controller_that_computes_nonsense_is_never_heard_on_the_bus() {
         tick(&mut ecu, &clock, n);
     }
     let sent = commands(&rig.hear());
-    assert!(
-        sent.iter()
-            .all(|command| command.3 == ActuationStatus::Guard)
-    );
+    assert!(sent.iter().all(|command| command.3 == ActuationStatus::Guard));
     let last = sent.last().expect("commands");
-    assert_eq!(
-        (last.1, last.2),
-        (-23_040.0, 0.0),
-        "it ends up braking straight"
-    );
+    assert_eq!((last.1, last.2), (-23_040.0, 0.0), "it ends up braking straight");
     let report = ecu.finish(&clock);
     assert_eq!(report.guard["not_finite"], 1_000);
     assert_eq!(report.sent.encode_errors, 0);
@@ -303,16 +266,10 @@ fn a_controller_that_computes_nonsense_is_never_heard_on_the_bus() {
 
 #[test]
 fn failed_solves_are_reported_on_the_bus_and_in_the_report() {
-    let scripted = Scripted {
-        outcome: Outcome::IterationCap,
-        ..Scripted::default()
-    };
+    let scripted = Scripted { outcome: Outcome::IterationCap, ..Scripted::default() };
     let (mut rig, mut ecu, clock) = running(scripted);
     tick(&mut ecu, &clock, 0);
-    assert_eq!(
-        commands(&rig.hear())[0].3,
-        ActuationStatus::HeldPreviousPlan
-    );
+    assert_eq!(commands(&rig.hear())[0].3, ActuationStatus::HeldPreviousPlan);
     let qp = ecu.finish(&clock).qp;
     assert_eq!((qp.solves, qp.failures), (1, 1));
 }
@@ -328,13 +285,8 @@ fn a_truck_that_lost_its_position_is_stopped_and_silent_on_v2v() {
     let heard = rig.hear();
     let last = *commands(&heard).last().expect("commands");
     assert_eq!(last, (0, -23_040.0, 0.0, ActuationStatus::Guard));
-    assert_eq!(
-        asked_ns.lock().expect("not poisoned").last(),
-        Some(&(5 * MS))
-    );
-    let broadcasts = heard
-        .iter()
-        .filter(|message| matches!(message, Message::V2vOut(_)));
+    assert_eq!(asked_ns.lock().expect("not poisoned").last(), Some(&(5 * MS)));
+    let broadcasts = heard.iter().filter(|message| matches!(message, Message::V2vOut(_)));
     assert_eq!(broadcasts.count(), 1);
     assert_eq!(ecu.mode(), EcuMode::Running, "not given up yet");
 }
@@ -378,10 +330,7 @@ fn an_ended_mission_ends_the_run() {
 fn run_in_fake_time(ticks: u64, slow: Option<(u64, u64)>) -> (Report, Vec<u64>) {
     let clock = Arc::new(BenchClock::default());
     let slow = slow.map(|(at_ns, takes_ns)| (at_ns, takes_ns, Arc::clone(&clock)));
-    let scripted = Scripted {
-        slow,
-        ..Scripted::default()
-    };
+    let scripted = Scripted { slow, ..Scripted::default() };
     let asked_ns = Arc::clone(&scripted.asked_ns);
     let (mut rig, ecu) = ecu_with(scripted);
     rig.send(&mission(RunState::Running));
@@ -396,17 +345,10 @@ fn run_in_fake_time(ticks: u64, slow: Option<(u64, u64)>) -> (Report, Vec<u64>) 
 #[test]
 fn a_run_that_keeps_up_misses_and_skips_nothing() {
     let (report, asked_ns) = run_in_fake_time(3_000, None);
-    assert_eq!(
-        (report.misses, report.skipped, report.ending),
-        (0, 0, Ending::RigSilent)
-    );
+    assert_eq!((report.misses, report.skipped, report.ending), (0, 0, Ending::RigSilent));
     assert_eq!(report.received.used, 3_001);
     assert_eq!(report.rate_hz, 1_000.0);
-    assert!(
-        asked_ns
-            .windows(2)
-            .all(|pair| pair[1] - pair[0] == PERIOD_NS)
-    );
+    assert!(asked_ns.windows(2).all(|pair| pair[1] - pair[0] == PERIOD_NS));
     assert_eq!(report.phase_us["total"].max, 0.0);
 }
 
@@ -414,16 +356,9 @@ fn a_run_that_keeps_up_misses_and_skips_nothing() {
 fn an_overrun_is_one_miss_with_its_cause_and_skips_without_a_burst() {
     let (report, asked_ns) = run_in_fake_time(3_000, Some((1_000 * MS, 4_700_000)));
     assert_eq!((report.misses, report.skipped), (1, 4));
-    assert_eq!(
-        (report.miss_causes["qp"], report.skip_causes["overrun"]),
-        (1, 4)
-    );
+    assert_eq!((report.miss_causes["qp"], report.skip_causes["overrun"]), (1, 4));
     assert_eq!(report.phase_us["qp"].max, 4_700.0);
-    let after: Vec<u64> = asked_ns
-        .into_iter()
-        .filter(|&at| at >= 999 * MS)
-        .take(4)
-        .collect();
+    let after: Vec<u64> = asked_ns.into_iter().filter(|&at| at >= 999 * MS).take(4).collect();
     assert_eq!(after, [999 * MS, 1_000 * MS, 1_005 * MS, 1_006 * MS]);
 }
 
@@ -453,9 +388,7 @@ fn an_ecu_restored_from_a_snapshot_sends_the_same_frames() {
     let (mut rig, mut ecu, clock) = running(law_controller());
     drive(&mut rig, &mut ecu, &clock, 1, 50);
     let (saved, picture) = (&mut SnapshotBuffer::new(), ecu.picture);
-    let bytes = saved
-        .write(&ecu.guard, ecu.outbox.state(), &picture, &*ecu.controller)
-        .to_vec();
+    let bytes = saved.write(&ecu.guard, ecu.outbox.state(), &picture, &*ecu.controller).to_vec();
     assert!(!bytes.is_empty());
 
     let (mut other_rig, mut other) = ecu_with(law_controller());
@@ -465,11 +398,7 @@ fn an_ecu_restored_from_a_snapshot_sends_the_same_frames() {
     let restored = drive(&mut other_rig, &mut other, &clock, 50, 90);
     assert_eq!(commands(&restored), commands(&expected));
     let v2v = |heard: &[Message]| -> Vec<Message> {
-        heard
-            .iter()
-            .filter(|message| matches!(message, Message::V2vOut(_)))
-            .copied()
-            .collect()
+        heard.iter().filter(|message| matches!(message, Message::V2vOut(_))).copied().collect()
     };
     assert_eq!(v2v(&restored), v2v(&expected));
 }
@@ -478,12 +407,7 @@ fn an_ecu_restored_from_a_snapshot_sends_the_same_frames() {
 fn a_damaged_snapshot_is_refused_and_changes_nothing() {
     let (_rig, ecu, _clock) = running(law_controller());
     let bytes = SnapshotBuffer::new()
-        .write(
-            &ecu.guard,
-            ecu.outbox.state(),
-            &ecu.picture,
-            &*ecu.controller,
-        )
+        .write(&ecu.guard, ecu.outbox.state(), &ecu.picture, &*ecu.controller)
         .to_vec();
     for length in 0..bytes.len() {
         let (_rig, mut other) = ecu_with(law_controller());

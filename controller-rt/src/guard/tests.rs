@@ -1,29 +1,15 @@
 use super::*;
 
 const MS: u64 = 1_000_000;
-const FAST: OwnMotion = OwnMotion {
-    trusted: true,
-    forward_mps: 20.0,
-};
-const BLIND: OwnMotion = OwnMotion {
-    trusted: false,
-    forward_mps: 20.0,
-};
+const FAST: OwnMotion = OwnMotion { trusted: true, forward_mps: 20.0 };
+const BLIND: OwnMotion = OwnMotion { trusted: false, forward_mps: 20.0 };
 
 fn solved(force_n: f64, steering_rad: f64) -> Option<Proposal> {
-    Some(Proposal {
-        force_n,
-        steering_rad,
-        plan: Plan::Solved,
-    })
+    Some(Proposal { force_n, steering_rad, plan: Plan::Solved })
 }
 
 fn shifted(force_n: f64, steering_rad: f64) -> Option<Proposal> {
-    Some(Proposal {
-        force_n,
-        steering_rad,
-        plan: Plan::Shifted,
-    })
+    Some(Proposal { force_n, steering_rad, plan: Plan::Shifted })
 }
 
 /// A guard that has been admitting this command long enough not to be rate limited.
@@ -63,10 +49,7 @@ fn force_passes_exactly_up_to_its_limits() {
 
 #[test]
 fn steering_passes_exactly_up_to_its_limits_at_low_speed() {
-    let slow = OwnMotion {
-        trusted: true,
-        forward_mps: 3.0,
-    };
+    let slow = OwnMotion { trusted: true, forward_mps: 3.0 };
     for limit in [-STEERING_MAX_RAD, STEERING_MAX_RAD] {
         for steering_rad in around(limit) {
             let mut guard = Guard::new();
@@ -74,14 +57,8 @@ fn steering_passes_exactly_up_to_its_limits_at_low_speed() {
                 guard.admit(k * 100 * MS, solved(0.0, steering_rad), slow);
             }
             let out = guard.admit(SETTLED_NS + 100 * MS, solved(0.0, steering_rad), slow);
-            assert_eq!(
-                out.reason == Reason::Passed,
-                steering_rad.abs() <= STEERING_MAX_RAD
-            );
-            assert_eq!(
-                out.steering_rad,
-                steering_rad.clamp(-STEERING_MAX_RAD, STEERING_MAX_RAD)
-            );
+            assert_eq!(out.reason == Reason::Passed, steering_rad.abs() <= STEERING_MAX_RAD);
+            assert_eq!(out.steering_rad, steering_rad.clamp(-STEERING_MAX_RAD, STEERING_MAX_RAD));
         }
     }
 }
@@ -92,19 +69,13 @@ fn steering_never_exceeds_the_lateral_limit_at_any_speed() {
         let forward_mps = f64::from(tenth) * 0.1;
         let bound = steering_bound_rad(forward_mps).min(STEERING_MAX_RAD);
         for steering_rad in around(bound) {
-            let own = OwnMotion {
-                trusted: true,
-                forward_mps,
-            };
+            let own = OwnMotion { trusted: true, forward_mps };
             let mut guard = Guard::new();
             let mut out = guard.admit(0, solved(0.0, steering_rad), own);
             for k in 1..12 {
                 out = guard.admit(k * 100 * MS, solved(0.0, steering_rad), own);
             }
-            assert!(
-                out.steering_rad.abs() <= bound,
-                "{forward_mps} m/s: {out:?}"
-            );
+            assert!(out.steering_rad.abs() <= bound, "{forward_mps} m/s: {out:?}");
             assert_eq!(out.reason == Reason::Passed, steering_rad.abs() <= bound);
         }
     }
@@ -128,11 +99,7 @@ fn rates_follow_the_true_elapsed_time() {
                 let steering_rad = sign * STEERING_RATE_RADPS * elapsed_s * factor;
                 let now_ns = SETTLED_NS + elapsed_ms * MS;
                 let out = settled(0.0, 0.0).admit(now_ns, solved(force_n, steering_rad), FAST);
-                assert_eq!(
-                    out.reason == Reason::Passed,
-                    passes,
-                    "{elapsed_ms} ms: {out:?}"
-                );
+                assert_eq!(out.reason == Reason::Passed, passes, "{elapsed_ms} ms: {out:?}");
                 assert!(out.force_n.abs() <= FORCE_RATE_NPS * elapsed_s * (1.0 + 1e-12));
                 assert!(out.steering_rad.abs() <= STEERING_RATE_RADPS * elapsed_s * (1.0 + 1e-12));
             }
@@ -156,20 +123,11 @@ fn no_time_passing_means_no_change() {
 #[test]
 fn what_is_not_a_number_is_never_sent() {
     for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        for proposal in [
-            solved(bad, 0.0),
-            solved(0.0, bad),
-            solved(bad, bad),
-            shifted(bad, 0.0),
-        ] {
+        for proposal in [solved(bad, 0.0), solved(0.0, bad), solved(bad, bad), shifted(bad, 0.0)] {
             let mut guard = settled(2_000.0, 0.02);
             let out = guard.admit(SETTLED_NS + MS, proposal, FAST);
             assert_eq!(out.reason, Reason::NotFinite);
-            assert_eq!(
-                (out.force_n, out.steering_rad),
-                (2_000.0, 0.02),
-                "held at first"
-            );
+            assert_eq!((out.force_n, out.steering_rad), (2_000.0, 0.02), "held at first");
         }
     }
 }
@@ -177,10 +135,7 @@ fn what_is_not_a_number_is_never_sent() {
 #[test]
 fn a_speed_that_is_not_a_number_still_gives_a_finite_command() {
     for forward_mps in [f64::NAN, f64::INFINITY] {
-        let own = OwnMotion {
-            trusted: true,
-            forward_mps,
-        };
+        let own = OwnMotion { trusted: true, forward_mps };
         let out = settled(0.0, 0.0).admit(SETTLED_NS + MS, solved(10.0, 0.001), own);
         assert!(out.force_n.is_finite() && out.steering_rad.is_finite());
     }
@@ -244,11 +199,7 @@ fn one_failed_solve_after_a_pause_is_not_a_missing_plan() {
 #[test]
 fn ticks_without_a_due_solve_neither_excuse_nor_accuse() {
     let mut guard = settled(0.0, 0.0);
-    let held = Some(Proposal {
-        force_n: 0.0,
-        steering_rad: 0.0,
-        plan: Plan::Held,
-    });
+    let held = Some(Proposal { force_n: 0.0, steering_rad: 0.0, plan: Plan::Held });
     for k in 1..=400 {
         let proposal = if k % 10 == 0 { shifted(0.0, 0.0) } else { held };
         let out = guard.admit(SETTLED_NS + k * MS, proposal, FAST);
@@ -269,9 +220,8 @@ fn random_proposals_never_break_a_limit() {
     // A small linear congruential generator (Knuth, MMIX) is random enough to sweep with.
     let mut state = 1_u64;
     let mut draw = move || {
-        state = state
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        state =
+            state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1_u64 << 53) as f64
     };
     let (mut guard, mut now_ns, mut last) = (Guard::new(), 0, (0.0, 0.0));
@@ -279,22 +229,11 @@ fn random_proposals_never_break_a_limit() {
         let elapsed_ns = (draw() * 4e6) as u64;
         now_ns += elapsed_ns;
         let proposal = Proposal {
-            force_n: if draw() < 0.01 {
-                f64::NAN
-            } else {
-                (draw() - 0.5) * 1e5
-            },
+            force_n: if draw() < 0.01 { f64::NAN } else { (draw() - 0.5) * 1e5 },
             steering_rad: (draw() - 0.5) * 0.5,
-            plan: if draw() < 0.5 {
-                Plan::Solved
-            } else {
-                Plan::Shifted
-            },
+            plan: if draw() < 0.5 { Plan::Solved } else { Plan::Shifted },
         };
-        let own = OwnMotion {
-            trusted: draw() > 0.01,
-            forward_mps: 20.0,
-        };
+        let own = OwnMotion { trusted: draw() > 0.01, forward_mps: 20.0 };
         let out = guard.admit(now_ns, Some(proposal), own);
         assert!((FORCE_MIN_N..=FORCE_MAX_N).contains(&out.force_n));
         assert!(out.steering_rad.abs() <= steering_bound_rad(20.0));

@@ -25,33 +25,17 @@ fn ego_at(time_ns: u64) -> Message {
 }
 
 fn v2v(source_truck: u8, generation_time_ns: u64) -> Message {
-    Message::V2vState(V2vState {
-        source_truck,
-        generation_time_ns,
-        ..V2vState::default()
-    })
+    Message::V2vState(V2vState { source_truck, generation_time_ns, ..V2vState::default() })
 }
 
 fn member(page: u8, member: u8, measured_time_ns: u64) -> Message {
     let kind = ObstacleKind::PlatoonTruck;
-    Message::Obstacle(Obstacle {
-        page,
-        kind,
-        member,
-        measured_time_ns,
-        ..Obstacle::default()
-    })
+    Message::Obstacle(Obstacle { page, kind, member, measured_time_ns, ..Obstacle::default() })
 }
 
 fn vehicle(page: u8, measured_time_ns: u64) -> Message {
     let kind = ObstacleKind::Vehicle;
-    Message::Obstacle(Obstacle {
-        page,
-        kind,
-        member: 255,
-        measured_time_ns,
-        ..Obstacle::default()
-    })
+    Message::Obstacle(Obstacle { page, kind, member: 255, measured_time_ns, ..Obstacle::default() })
 }
 
 /// The picture of `truck` that knows its mission, where it is now, and these messages.
@@ -65,9 +49,7 @@ fn picture(truck: u8, messages: &[Message]) -> Picture {
 
 fn pages(picture: &Picture) -> Vec<usize> {
     let seen = picture.observe(NOW_NS).expect("knows where it is");
-    (0..OBSTACLES_MAX)
-        .filter(|&page| seen.obstacles[page].is_some())
-        .collect()
+    (0..OBSTACLES_MAX).filter(|&page| seen.obstacles[page].is_some()).collect()
 }
 
 #[test]
@@ -83,9 +65,7 @@ fn a_truck_without_mission_or_position_observes_nothing() {
 fn another_trucks_mission_and_an_impossible_period_are_refused() {
     let mut picture = Picture::new(1);
     assert_eq!(picture.note(&mission(2)), Noted::NotMine);
-    let Message::Mission(mut broken) = mission(1) else {
-        unreachable!("is a mission")
-    };
+    let Message::Mission(mut broken) = mission(1) else { unreachable!("is a mission") };
     for loop_period_ns in [0, PERIOD_MAX_NS + 1] {
         broken.loop_period_ns = loop_period_ns;
         assert_eq!(picture.note(&Message::Mission(broken)), Noted::NotMine);
@@ -108,9 +88,7 @@ fn ego_ages_from_fresh_over_stale_to_lost() {
 #[test]
 fn at_slow_loops_ego_stays_fresh_for_three_periods() {
     let mut picture = Picture::new(0);
-    let Message::Mission(mut slow) = mission(0) else {
-        unreachable!("is a mission")
-    };
+    let Message::Mission(mut slow) = mission(0) else { unreachable!("is a mission") };
     slow.loop_period_ns = 10_000_000;
     picture.note(&Message::Mission(slow));
     picture.note(&ego_at(NOW_NS));
@@ -121,9 +99,7 @@ fn at_slow_loops_ego_stays_fresh_for_three_periods() {
 #[test]
 fn a_navigation_solution_its_sensor_disowns_is_lost() {
     let mut picture = picture(1, &[]);
-    let Message::EgoState(mut ego) = ego_at(NOW_NS + MS) else {
-        unreachable!("is a state")
-    };
+    let Message::EgoState(mut ego) = ego_at(NOW_NS + MS) else { unreachable!("is a state") };
     ego.nav_status = NavStatus::Degraded;
     picture.note(&Message::EgoState(ego));
     assert_eq!(picture.ego_freshness(NOW_NS + MS), Freshness::Fresh);
@@ -136,9 +112,7 @@ fn a_navigation_solution_its_sensor_disowns_is_lost() {
 fn v2v_is_lost_after_half_a_second() {
     for (age_ms, alive) in [(0, true), (500, true), (501, false)] {
         let sent_ns = NOW_NS - age_ms * MS;
-        let seen = picture(2, &[v2v(0, sent_ns), v2v(1, sent_ns)])
-            .observe(NOW_NS)
-            .expect("seen");
+        let seen = picture(2, &[v2v(0, sent_ns), v2v(1, sent_ns)]).observe(NOW_NS).expect("seen");
         assert_eq!(seen.leader.is_some(), alive, "{age_ms} ms");
         assert_eq!(seen.predecessor.is_some(), alive, "{age_ms} ms");
     }
@@ -172,38 +146,51 @@ fn a_reordered_v2v_message_is_outdated() {
 
 #[test]
 fn obstacles_are_lost_after_200_ms_and_cleared_by_an_empty_page() {
-    let mut picture = picture(
-        0,
-        &[vehicle(0, NOW_NS - 200 * MS), vehicle(1, NOW_NS - 201 * MS)],
-    );
+    let mut picture = picture(0, &[vehicle(0, NOW_NS - 200 * MS), vehicle(1, NOW_NS - 201 * MS)]);
     assert_eq!(pages(&picture), [0]);
-    let empty = Obstacle {
-        page: 0,
-        kind: ObstacleKind::None,
-        ..Obstacle::default()
-    };
+    let empty = Obstacle { page: 0, kind: ObstacleKind::None, ..Obstacle::default() };
     picture.note(&Message::Obstacle(empty));
     assert_eq!(pages(&picture), [0; 0]);
 }
 
+/// Pages that are obstacles to `truck`, at X = 0, which hears `links`; truck k is `places[k]` ahead.
+fn in_the_way(truck: u8, links: &[u8], places: [f64; 4]) -> Vec<usize> {
+    let members = (0..4).map(|index| match member(index, index, NOW_NS) {
+        Message::Obstacle(seen) => {
+            Message::Obstacle(Obstacle { position_x_m: places[usize::from(index)], ..seen })
+        }
+        other => other,
+    });
+    let states = links.iter().map(|&source| match v2v(source, NOW_NS) {
+        Message::V2vState(heard) => {
+            Message::V2vState(V2vState { position_x_m: places[usize::from(source)], ..heard })
+        }
+        other => other,
+    });
+    pages(&picture(truck, &members.chain(states).collect::<Vec<_>>())).to_vec()
+}
+
 #[test]
 fn platoon_trucks_are_obstacles_only_when_nobody_looks_after_them() {
-    let members: Vec<Message> = (0..4).map(|index| member(index, index, NOW_NS)).collect();
     let with = |truck: u8, links: &[u8]| {
-        let states: Vec<Message> = links.iter().map(|&source| v2v(source, NOW_NS)).collect();
-        pages(&picture(truck, &[members.clone(), states].concat()))
+        in_the_way(truck, links, [0, 1, 2, 3].map(|k| 50.0 * (f64::from(truck) - f64::from(k))))
     };
     assert_eq!(with(3, &[0, 2]), [0; 0], "all links alive");
     assert_eq!(with(3, &[2]), [0], "the leader's V2V is lost");
     assert_eq!(with(3, &[0]), [1, 2], "the predecessor's V2V is lost");
-    assert_eq!(
-        with(3, &[]),
-        [0, 1, 2],
-        "no V2V; neither itself nor trucks behind"
-    );
+    assert_eq!(with(3, &[]), [0, 1, 2], "no V2V; neither itself nor trucks behind");
     assert_eq!(with(1, &[0]), [0; 0], "truck 1 with its leader's V2V");
     assert_eq!(with(1, &[]), [0], "truck 1 without");
     assert_eq!(with(0, &[]), [0; 0], "the leader ignores all who follow");
+}
+
+#[test]
+fn a_platoon_truck_that_the_predecessor_has_passed_is_in_the_way() {
+    // Truck 1 stands 40 m ahead of truck 3; truck 2 has just passed it.
+    assert_eq!(in_the_way(3, &[0, 2], [200.0, 40.0, 39.0, -1.0]), [0; 0]);
+    assert_eq!(in_the_way(3, &[0, 2], [200.0, 40.0, 41.0, -1.0]), [1]);
+    // Truck 2 has passed truck 1, which still drives and must mind it.
+    assert_eq!(in_the_way(1, &[0], [50.0, -1.0, 20.0, -50.0]), [2]);
 }
 
 #[test]

@@ -39,18 +39,9 @@ impl Clock for StillClock {
 pub fn follower(recorder: Option<Recorder>) -> (Rig, Ecu) {
     let (bus, ecu_bus) = Loopback::pair("loopback1", 1024);
     let law = LawController::new(Law::new(Calibration::default(), ActiveSet));
-    let config = Config {
-        truck: 1,
-        ..Config::default()
-    };
+    let config = Config { truck: 1, ..Config::default() };
     let ecu = Ecu::new(config, Box::new(ecu_bus), Box::new(law), recorder);
-    (
-        Rig {
-            bus,
-            counters: [0; 7],
-        },
-        ecu,
-    )
+    (Rig { bus, counters: [0; 7] }, ecu)
 }
 
 /// The other end of the bus.
@@ -122,9 +113,7 @@ impl Rig {
 
     fn send(&mut self, message: &Message) {
         let counter = &mut self.counters[message.index()];
-        self.bus
-            .send(&message.encode(*counter).expect("in range"))
-            .expect("room");
+        self.bus.send(&message.encode(*counter).expect("in range")).expect("room");
         *counter = counter.wrapping_add(1);
     }
 }

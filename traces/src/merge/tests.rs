@@ -51,21 +51,11 @@ fn command(time_ns: u64) -> FrameRecord {
         actuation_status: ActuationStatus::Guard,
     };
     let frame = command.encode(3).expect("in range");
-    FrameRecord {
-        bus: 1,
-        time_ns,
-        stamp_ns: 0,
-        tick: 7,
-        tx: false,
-        frame,
-    }
+    FrameRecord { bus: 1, time_ns, stamp_ns: 0, tick: 7, tx: false, frame }
 }
 
 fn tick(time_ns: u64) -> TickRecord {
-    TickRecord {
-        time_ns,
-        ..TickRecord::default()
-    }
+    TickRecord { time_ns, ..TickRecord::default() }
 }
 
 fn messages(path: &Path) -> Vec<Message> {
@@ -74,9 +64,7 @@ fn messages(path: &Path) -> Vec<Message> {
 
 fn topics_and_times(path: &Path) -> Vec<(String, u64)> {
     let messages = messages(path).into_iter();
-    messages
-        .map(|message| (message.channel.topic.clone(), message.time_ns()))
-        .collect()
+    messages.map(|message| (message.channel.topic.clone(), message.time_ns())).collect()
 }
 
 #[test]
@@ -116,29 +104,16 @@ fn parts_are_merged_in_time_order_and_ties_in_part_order() {
 #[test]
 fn a_merged_frame_reads_back_as_recorded() {
     let folder = Folder::new("frame");
-    let stamped = FrameRecord {
-        stamp_ns: 99,
-        ..command(20)
-    };
+    let stamped = FrameRecord { stamp_ns: 99, ..command(20) };
     let rig = folder.part(Source::Rig, 1_000, |recorder| {
         recorder.push(command(10));
         recorder.push(stamped);
     });
     let out = folder.path("run.mcap");
     merge(&[rig], &out, &MergeOptions::default()).expect("merges");
-    let reader = Reader::open(&out)
-        .expect("MCAP")
-        .with_topics(["/can/bus1/frames"]);
-    let frames: Vec<_> = reader
-        .map(|message| message.record().expect("decodes"))
-        .collect();
-    assert_eq!(
-        frames,
-        [
-            crate::Record::Frame(command(10)),
-            crate::Record::Frame(stamped)
-        ]
-    );
+    let reader = Reader::open(&out).expect("MCAP").with_topics(["/can/bus1/frames"]);
+    let frames: Vec<_> = reader.map(|message| message.record().expect("decodes")).collect();
+    assert_eq!(frames, [crate::Record::Frame(command(10)), crate::Record::Frame(stamped)]);
 }
 
 #[test]
@@ -182,9 +157,7 @@ fn a_cut_part_is_merged_as_far_as_it_goes_and_the_report_says_so() {
     fs::write(&ecu, &bytes[..bytes.len() * 2 / 3]).expect("writable");
     let out = folder.path("run.mcap");
     let report = merge(&[rig, ecu], &out, &MergeOptions::default()).expect("merges");
-    let [rig, ecu] = report.parts.as_slice() else {
-        panic!("two parts")
-    };
+    let [rig, ecu] = report.parts.as_slice() else { panic!("two parts") };
     assert!(rig.is_whole() && !ecu.is_whole());
     assert!(ecu.loss.is_truncated && !ecu.is_finished);
     assert!(ecu.messages > 0 && ecu.messages < 60_000);
@@ -220,10 +193,7 @@ fn the_scene_comes_at_twenty_hertz() {
     let folder = Folder::new("scene");
     let rig = folder.part(Source::Rig, 0, |recorder| {
         for time_ms in 0..1000 {
-            let mut truth = TruthRecord {
-                time_ns: time_ms * 1_000_000,
-                ..TruthRecord::default()
-            };
+            let mut truth = TruthRecord { time_ns: time_ms * 1_000_000, ..TruthRecord::default() };
             truth.trucks.push(TruckTruth::default()).expect("room");
             recorder.push(truth);
         }
@@ -231,10 +201,7 @@ fn the_scene_comes_at_twenty_hertz() {
     let out = folder.path("run.mcap");
     merge(&[rig], &out, &MergeOptions::default()).expect("merges");
     let topics = topics_and_times(&out);
-    let scenes: Vec<_> = topics
-        .iter()
-        .filter(|(topic, _)| topic == "/scene")
-        .collect();
+    let scenes: Vec<_> = topics.iter().filter(|(topic, _)| topic == "/scene").collect();
     assert_eq!(scenes.len(), 20);
     assert!(scenes.iter().all(|(_, time_ns)| time_ns % 50_000_000 == 0));
 }
@@ -251,9 +218,8 @@ fn decoded_messages_can_be_thinned_but_frames_stay() {
     let out = folder.path("run.mcap");
     merge_thinned(&[rig], &out, &MergeOptions::default(), 10).expect("merges");
     let found = topics_and_times(&out);
-    let (frames, decoded): (Vec<_>, Vec<_>) = found
-        .into_iter()
-        .partition(|(topic, _)| topic.starts_with("/can/"));
+    let (frames, decoded): (Vec<_>, Vec<_>) =
+        found.into_iter().partition(|(topic, _)| topic.starts_with("/can/"));
     assert_eq!(frames.len(), 200);
     assert_eq!(decoded.len(), 20);
     assert!(decoded.iter().all(|(_, time_ns)| time_ns % 10 == 0));

@@ -26,57 +26,27 @@ impl Drop for Scratch {
 }
 
 fn frame(tick: u32) -> FrameRecord {
-    let flags = FrameFlags {
-        is_extended: true,
-        is_fd: true,
-        ..FrameFlags::default()
-    };
+    let flags = FrameFlags { is_extended: true, is_fd: true, ..FrameFlags::default() };
     let frame = Frame::new(0x18ff_1080, flags, &[tick as u8; 32]).expect("valid");
     let time_ns = u64::from(tick) * 1_000_000;
     let stamp_ns = START_WALL_NS + time_ns + 7;
-    FrameRecord {
-        bus: 2,
-        time_ns,
-        stamp_ns,
-        tick,
-        tx: false,
-        frame,
-    }
+    FrameRecord { bus: 2, time_ns, stamp_ns, tick, tx: false, frame }
 }
 
 fn tick(tick: u32) -> TickRecord {
     let time_ns = u64::from(tick) * 1_000_000;
-    TickRecord {
-        time_ns,
-        tick,
-        ecu: 2,
-        force_n: -f64::from(tick),
-        ..TickRecord::default()
-    }
+    TickRecord { time_ns, tick, ecu: 2, force_n: -f64::from(tick), ..TickRecord::default() }
 }
 
 fn truth(tick: u32) -> TruthRecord {
-    let mut truth = TruthRecord {
-        time_ns: u64::from(tick) * 1_000_000,
-        ..TruthRecord::default()
-    };
-    truth
-        .trucks
-        .push(TruckTruth {
-            x_m: 1.5,
-            ..TruckTruth::default()
-        })
-        .expect("room");
+    let mut truth = TruthRecord { time_ns: u64::from(tick) * 1_000_000, ..TruthRecord::default() };
+    truth.trucks.push(TruckTruth { x_m: 1.5, ..TruckTruth::default() }).expect("room");
     truth
 }
 
 fn memory(tick: u32) -> MemoryRecord {
     let snapshot = Snapshot::new(&[tick as u8; 99]).expect("fits");
-    MemoryRecord {
-        time_ns: u64::from(tick) * 1_000_000,
-        tick,
-        snapshot,
-    }
+    MemoryRecord { time_ns: u64::from(tick) * 1_000_000, tick, snapshot }
 }
 
 /// A part of `ticks` ticks, four records each.
@@ -131,15 +101,9 @@ fn every_record_comes_back_as_it_was_pushed_and_in_order() {
 #[test]
 fn topics_and_times_narrow_what_is_read() {
     let reader = Reader::from_bytes(part("narrow", 100)).expect("MCAP");
-    let reader = reader
-        .with_topics(["/ecu2/tick"])
-        .with_times(10_000_000..20_000_000);
-    let ticks: Vec<_> = reader
-        .map(|message| message.record().expect("decodes"))
-        .collect();
-    let expected: Vec<_> = (10..20)
-        .map(|number| Record::Tick(tick(number).into()))
-        .collect();
+    let reader = reader.with_topics(["/ecu2/tick"]).with_times(10_000_000..20_000_000);
+    let ticks: Vec<_> = reader.map(|message| message.record().expect("decodes")).collect();
+    let expected: Vec<_> = (10..20).map(|number| Record::Tick(tick(number).into())).collect();
     assert_eq!(ticks, expected);
 }
 
@@ -154,10 +118,7 @@ fn a_file_cut_anywhere_is_read_up_to_the_cut() {
         assert!(messages >= before && messages <= whole.0, "cut at {length}");
         assert_eq!(messages, records, "cut at {length}");
         let is_end_cut = messages < whole.0 && !loss.is_truncated;
-        assert!(
-            !is_end_cut,
-            "cut at {length}: {messages} messages and no word about it"
-        );
+        assert!(!is_end_cut, "cut at {length}: {messages} messages and no word about it");
         before = messages;
     }
     assert_eq!(read_out(bytes[..7].to_vec()), None, "too short to be MCAP");
@@ -173,30 +134,21 @@ fn a_flipped_byte_anywhere_never_loses_a_message_without_a_word() {
         let mut damaged = bytes.clone();
         damaged[position] ^= flip;
         let (messages, _, loss) = read_out(damaged).expect("magic is whole");
-        assert!(
-            messages == 20 || !loss.is_none(),
-            "byte {position} flipped by {flip:#x}"
-        );
+        assert!(messages == 20 || !loss.is_none(), "byte {position} flipped by {flip:#x}");
     }
 }
 
 #[test]
 fn one_damaged_chunk_costs_no_other() {
     let bytes = part("chunks", 2_000);
-    let spans = Reader::from_bytes(bytes.clone())
-        .expect("MCAP")
-        .layout
-        .spans;
+    let spans = Reader::from_bytes(bytes.clone()).expect("MCAP").layout.spans;
     assert!(spans.len() >= 3, "{} chunks", spans.len());
     let mut damaged = bytes;
     let middle = spans[1];
     damaged[(middle.offset + middle.length / 2) as usize] ^= 0xff;
     let (messages, records, loss) = read_out(damaged).expect("MCAP");
     assert!(messages > 0 && messages < 8_000 && messages == records);
-    assert_eq!(
-        (loss.chunks, loss.bytes, loss.is_truncated),
-        (1, middle.length, false)
-    );
+    assert_eq!((loss.chunks, loss.bytes, loss.is_truncated), (1, middle.length, false));
 }
 
 #[test]
@@ -205,9 +157,7 @@ fn noise_behind_the_magic_is_survived() {
     for length in 0..400usize {
         let mut bytes = mcap::MAGIC.to_vec();
         for _ in 0..length {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
             // Small bytes make plausible opcodes and lengths.
             bytes.push((state >> 33) as u8 >> (state >> 61));
         }
@@ -240,8 +190,5 @@ fn a_file_that_is_no_mcap_is_refused_by_name() {
     let scratch = Scratch::new("no-mcap");
     std::fs::write(&scratch.0, "candump?").expect("writable");
     let error = Reader::open(&scratch.0).err().expect("refused").to_string();
-    assert!(
-        error.contains("no-mcap") && error.contains("not an MCAP file"),
-        "{error}"
-    );
+    assert!(error.contains("no-mcap") && error.contains("not an MCAP file"), "{error}");
 }

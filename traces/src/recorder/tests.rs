@@ -13,10 +13,7 @@ struct Disk {
 
 impl Disk {
     fn with_room(room: usize) -> Self {
-        Self {
-            bytes: Arc::default(),
-            room,
-        }
+        Self { bytes: Arc::default(), room }
     }
 }
 
@@ -41,17 +38,8 @@ impl Seek for Disk {
 }
 
 fn options(overflow: Overflow) -> RecorderOptions {
-    let capacity = Capacity {
-        frames: 4,
-        ticks: 4,
-        truths: 1,
-        memories: 1,
-    };
-    RecorderOptions {
-        overflow,
-        capacity,
-        ..RecorderOptions::new(Source::Ecu(0))
-    }
+    let capacity = Capacity { frames: 4, ticks: 4, truths: 1, memories: 1 };
+    RecorderOptions { overflow, capacity, ..RecorderOptions::new(Source::Ecu(0)) }
 }
 
 fn start(disk: &Disk, overflow: Overflow) -> Result<Recorder, RecorderError> {
@@ -62,26 +50,16 @@ fn tick(tick: u32) -> TickRecord {
     // Not compressible, so that disks fill up.
     let noise = u64::from(tick).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let working_set = [noise, noise.rotate_left(17)];
-    TickRecord {
-        time_ns: u64::from(tick),
-        tick,
-        working_set,
-        ..TickRecord::default()
-    }
+    TickRecord { time_ns: u64::from(tick), tick, working_set, ..TickRecord::default() }
 }
 
 #[test]
 fn a_full_ring_drops_and_counts_and_every_record_is_accounted_for() {
     let disk = Disk::with_room(usize::MAX);
     let mut recorder = start(&disk, Overflow::DropNewest).expect("starts");
-    let kept = (0..5_000)
-        .filter(|number| recorder.push(tick(*number)))
-        .count() as u64;
+    let kept = (0..5_000).filter(|number| recorder.push(tick(*number))).count() as u64;
     let finished = recorder.finish();
-    assert!(
-        kept < 5_000,
-        "four slots cannot hold a burst of five thousand"
-    );
+    assert!(kept < 5_000, "four slots cannot hold a burst of five thousand");
     assert_eq!(finished.written, kept);
     assert_eq!(finished.dropped.ticks, 5_000 - kept);
     assert_eq!((finished.lost, finished.error), (0, None));
@@ -95,16 +73,8 @@ fn every_gap_in_the_file_is_marked_where_it_is() {
         recorder.push(tick(number));
     }
     let dropped = recorder.finish().dropped.total();
-    assert!(
-        dropped > 0,
-        "four slots cannot hold a burst of five thousand"
-    );
-    let bytes = disk
-        .bytes
-        .lock()
-        .expect("nobody panicked")
-        .get_ref()
-        .clone();
+    assert!(dropped > 0, "four slots cannot hold a burst of five thousand");
+    let bytes = disk.bytes.lock().expect("nobody panicked").get_ref().clone();
     let (mut expected, mut marked) = (0, 0);
     for message in Reader::from_bytes(bytes).expect("MCAP") {
         match message.record().expect("decodes") {
@@ -153,20 +123,13 @@ fn a_disk_that_fills_up_is_reported_at_the_end_and_disturbs_nobody() {
 
 #[test]
 fn a_disk_without_any_room_is_noticed_at_the_start() {
-    let error = start(&Disk::with_room(3), Overflow::Wait)
-        .err()
-        .expect("refused");
+    let error = start(&Disk::with_room(3), Overflow::Wait).err().expect("refused");
     assert!(matches!(error, RecorderError::Write { .. }), "{error}");
 }
 
 #[test]
 fn an_unwritable_folder_is_refused_by_name() {
     let path = Path::new("/proc/no-such-folder/ecu0.part.mcap");
-    let error = Recorder::start(path, options(Overflow::Wait))
-        .err()
-        .expect("refused");
-    assert!(
-        error.to_string().contains("/proc/no-such-folder"),
-        "{error}"
-    );
+    let error = Recorder::start(path, options(Overflow::Wait)).err().expect("refused");
+    assert!(error.to_string().contains("/proc/no-such-folder"), "{error}");
 }

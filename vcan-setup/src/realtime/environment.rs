@@ -84,11 +84,7 @@ fn text(path: impl AsRef<Path>) -> Option<String> {
 
 /// Distinct frequency governors of `cpus`, sorted.
 fn governors(cpus: &[usize]) -> Vec<String> {
-    let of = |cpu| {
-        text(format!(
-            "/sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor"
-        ))
-    };
+    let of = |cpu| text(format!("/sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor"));
     let mut governors: Vec<String> = cpus.iter().filter_map(of).collect();
     governors.sort();
     governors.dedup();
@@ -102,12 +98,7 @@ fn is_preempt_rt(version: &str) -> bool {
 
 /// `CONFIG_HZ` of a kernel configuration.
 fn config_hz(config: &str) -> Option<u32> {
-    config
-        .lines()
-        .find_map(|line| line.strip_prefix("CONFIG_HZ="))?
-        .trim()
-        .parse()
-        .ok()
+    config.lines().find_map(|line| line.strip_prefix("CONFIG_HZ="))?.trim().parse().ok()
 }
 
 /// CPUs of a kernel list such as `0-3,6`. A malformed part is left out.
@@ -117,10 +108,7 @@ fn cpu_list(list: &str) -> Vec<usize> {
 
 /// One part of a kernel CPU list: `6` or `0-3`.
 fn cpu_range(part: &str) -> Option<std::ops::RangeInclusive<usize>> {
-    let (first, last) = part
-        .trim()
-        .split_once('-')
-        .unwrap_or((part.trim(), part.trim()));
+    let (first, last) = part.trim().split_once('-').unwrap_or((part.trim(), part.trim()));
     let range = first.parse().ok()?..=last.parse().ok()?;
     // No kernel has more CPUs; a broken file must not make us count to the end of usize.
     (*range.end() <= 1 << 16).then_some(range)

@@ -35,13 +35,8 @@ impl Tag {
 
     /// `None` when the text is too long.
     pub(super) fn new(text: &str) -> Option<Self> {
-        let mut tag = Self {
-            text: [0; Self::CAPACITY],
-            length: text.len(),
-        };
-        tag.text
-            .get_mut(..text.len())?
-            .copy_from_slice(text.as_bytes());
+        let mut tag = Self { text: [0; Self::CAPACITY], length: text.len() };
+        tag.text.get_mut(..text.len())?.copy_from_slice(text.as_bytes());
         Some(tag)
     }
 }
@@ -55,10 +50,7 @@ pub(super) struct Packed {
 impl Packed {
     pub(super) fn of(frame: &Frame, tag: &Tag) -> Self {
         let flags = frame.flags();
-        let mut packed = Self {
-            buffer: [0; CAPACITY],
-            length: 0,
-        };
+        let mut packed = Self { buffer: [0; CAPACITY], length: 0 };
         packed.put(&[format::FIXMAP | ENTRIES]);
         packed.put_key("timestamp");
         // Whoever receives takes the kernel's time instead.
@@ -126,16 +118,8 @@ pub(super) fn unpack(datagram: &[u8]) -> Option<Frame> {
     let Value::Map(entries) = reader.value()? else {
         return None;
     };
-    let flags = FrameFlags {
-        is_extended: true,
-        ..FrameFlags::default()
-    };
-    let mut draft = Draft {
-        id: None,
-        flags,
-        length: None,
-        data: &[],
-    };
+    let flags = FrameFlags { is_extended: true, ..FrameFlags::default() };
+    let mut draft = Draft { id: None, flags, length: None, data: &[] };
     for _ in 0..entries {
         let Value::Bytes(key) = reader.value()? else {
             return None;
@@ -195,27 +179,15 @@ impl<'a> Value<'a> {
     }
 
     fn flag(self) -> Option<bool> {
-        if let Value::Flag(flag) = self {
-            Some(flag)
-        } else {
-            None
-        }
+        if let Value::Flag(flag) = self { Some(flag) } else { None }
     }
 
     fn unsigned(self) -> Option<u64> {
-        if let Value::Unsigned(number) = self {
-            Some(number)
-        } else {
-            None
-        }
+        if let Value::Unsigned(number) = self { Some(number) } else { None }
     }
 
     fn bytes(self) -> Option<&'a [u8]> {
-        if let Value::Bytes(bytes) = self {
-            Some(bytes)
-        } else {
-            None
-        }
+        if let Value::Bytes(bytes) = self { Some(bytes) } else { None }
     }
 }
 
@@ -233,11 +205,7 @@ impl<'a> Reader<'a> {
 
     /// A big-endian number of `width` bytes, at most eight.
     fn number(&mut self, width: usize) -> Option<u64> {
-        Some(
-            self.take(width)?
-                .iter()
-                .fold(0, |number, byte| number << 8 | u64::from(*byte)),
-        )
+        Some(self.take(width)?.iter().fold(0, |number, byte| number << 8 | u64::from(*byte)))
     }
 
     fn bytes(&mut self, width: usize) -> Option<Value<'a>> {
@@ -282,11 +250,7 @@ impl<'a> Reader<'a> {
     fn signed(&mut self, width: usize) -> Option<Value<'a>> {
         let number = self.number(width)?;
         let is_negative = number >> (8 * width - 1) != 0;
-        Some(if is_negative {
-            Value::Other
-        } else {
-            Value::Unsigned(number)
-        })
+        Some(if is_negative { Value::Other } else { Value::Unsigned(number) })
     }
 
     /// Skips what is inside a container. Every value takes a byte at least, so this ends.

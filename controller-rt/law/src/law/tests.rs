@@ -15,20 +15,10 @@ fn seen(time_ns: u64) -> Observation {
         ..Obstacle::default()
     });
     let x_m = 18.0 * 1e-9 * time_ns as f64;
-    let leader = V2v {
-        generated_ns: time_ns,
-        x_m: x_m + 51.0,
-        speed_mps: 18.0,
-        ..V2v::default()
-    };
+    let leader = V2v { generated_ns: time_ns, x_m: x_m + 51.0, speed_mps: 18.0, ..V2v::default() };
     Observation {
         time_ns,
-        ego: Ego {
-            time_ns,
-            x_m,
-            forward_mps: 18.0,
-            ..Ego::default()
-        },
+        ego: Ego { time_ns, x_m, forward_mps: 18.0, ..Ego::default() },
         mission: Mission {
             truck: 1,
             trucks: 4,
@@ -46,21 +36,13 @@ fn seen(time_ns: u64) -> Observation {
 }
 
 fn law(every: u32) -> Law {
-    Law::new(
-        Calibration {
-            lml_every_ticks: every,
-            ..Calibration::default()
-        },
-        ActiveSet,
-    )
+    Law::new(Calibration { lml_every_ticks: every, ..Calibration::default() }, ActiveSet)
 }
 
 #[test]
 fn a_truck_behind_a_slow_van_steers_to_its_left() {
     let mut memory = Memory::new();
-    let last = (0..300)
-        .map(|k| law(1).step(&mut memory, &seen(k * MS)))
-        .last();
+    let last = (0..300).map(|k| law(1).step(&mut memory, &seen(k * MS))).last();
     let decision = last.expect("300 steps");
     assert_eq!(decision.outcome, Outcome::Solved);
     assert!(decision.steering_rad > 0.0, "{}", decision.steering_rad);
@@ -98,10 +80,7 @@ fn a_restored_memory_repeats_the_decisions_bit_for_bit() {
     }
     let mut restored = memory;
     for k in 50..100 {
-        let (a, b) = (
-            law.step(&mut memory, &seen(k * MS)),
-            law.step(&mut restored, &seen(k * MS)),
-        );
+        let (a, b) = (law.step(&mut memory, &seen(k * MS)), law.step(&mut restored, &seen(k * MS)));
         assert_eq!(a.force_n.to_bits(), b.force_n.to_bits());
         assert_eq!(a.steering_rad.to_bits(), b.steering_rad.to_bits());
     }
@@ -121,11 +100,7 @@ fn an_observation_that_is_not_finite_holds_the_plan_and_does_not_panic() {
         }
         let decision = law.step(&mut memory.clone(), &seen);
         assert_eq!(decision.outcome, Outcome::Infeasible);
-        assert!(
-            (decision.force_n - before.force_n).abs() < 100.0,
-            "{}",
-            decision.force_n
-        );
+        assert!((decision.force_n - before.force_n).abs() < 100.0, "{}", decision.force_n);
         assert!(decision.steering_rad.abs() < 0.01);
     }
 }
@@ -138,8 +113,5 @@ fn between_solves_the_last_command_is_held() {
         law.step(&mut memory, &seen(time_ns)).outcome
     });
     let solved = outcomes.iter().filter(|&&o| o == Outcome::Solved).count();
-    assert_eq!(
-        (outcomes[0], outcomes[10], solved),
-        (Outcome::Solved, Outcome::Solved, 2)
-    );
+    assert_eq!((outcomes[0], outcomes[10], solved), (Outcome::Solved, Outcome::Solved, 2));
 }

@@ -36,13 +36,7 @@ fn request() -> Request {
     Request {
         v_ref_mps: 17.0,
         q_ref: 200.0,
-        plan: [
-            [1.0, 0.5],
-            [2.0, 0.2],
-            [0.5, -0.4],
-            [-1.0, -0.3],
-            [0.3, 0.1],
-        ],
+        plan: [[1.0, 0.5], [2.0, 0.2], [0.5, -0.4], [-1.0, -0.3], [0.3, 0.1]],
         applied: [0.8, 0.3],
         interval_s: 0.05,
     }
@@ -58,14 +52,8 @@ fn cost(
     let cal = Calibration::default();
     let model = Bicycle::new(&cal.truck);
     let ego = &seen.ego;
-    let start = [
-        ego.forward_mps,
-        ego.lateral_mps,
-        ego.yaw_radps,
-        ego.heading_rad,
-        ego.x_m,
-        ego.y_m,
-    ];
+    let start =
+        [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
     let mut sum = 0.0;
     for (k, instant) in predict(&model, &start, plan).iter().enumerate() {
         let y = instant.state[Y];
@@ -113,12 +101,8 @@ fn the_qps_gradient_is_that_of_the_nonlinear_cost() {
         let qp = build(&cal, &model, &surroundings, &seen, &request);
         let ego = &seen.ego;
         let closing_y = ego.cross_speed_mps();
-        let safe = SafeDistance::new(
-            &cal.lml,
-            ego.forward_mps,
-            ego.road_speed_mps() - 15.0,
-            closing_y,
-        );
+        let safe =
+            SafeDistance::new(&cal.lml, ego.forward_mps, ego.road_speed_mps() - 15.0, closing_y);
         for j in 0..INPUTS {
             let mut slope = qp.gradient[j];
             for i in 0..INPUTS {
@@ -141,12 +125,7 @@ fn the_qps_gradient_is_that_of_the_nonlinear_cost() {
 fn the_hessian_is_symmetric_and_positive_definite_even_on_top_of_an_obstacle() {
     let cal = Calibration::default();
     let model = Bicycle::new(&cal.truck);
-    let on_top = Obstacle {
-        x_m: 100.0,
-        y_m: 0.4,
-        vx_mps: 18.0,
-        ..van()
-    };
+    let on_top = Obstacle { x_m: 100.0, y_m: 0.4, vx_mps: 18.0, ..van() };
     let seen = seen(Some(on_top));
     let surroundings = Surroundings::new(&cal.lml, &cal.truck, &seen);
     let qp = build(&cal, &model, &surroundings, &seen, &request());

@@ -33,19 +33,12 @@ pub struct ActiveSet;
 
 impl QpSolver for ActiveSet {
     fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
-        let guess = if warm.iter().next().is_some() {
-            *warm
-        } else {
-            WorkingSet::natural()
-        };
+        let guess = if warm.iter().next().is_some() { *warm } else { WorkingSet::natural() };
         let Some(mut search) = Search::start(qp) else {
             return Solution {
                 status: SolveStatus::Infeasible,
                 z: Vector::zeros(),
-                report: QpReport {
-                    kkt_residual: f64::INFINITY,
-                    ..QpReport::default()
-                },
+                report: QpReport { kkt_residual: f64::INFINITY, ..QpReport::default() },
             };
         };
         search.adopt(&guess);
@@ -93,10 +86,7 @@ impl<'a> Search<'a> {
             qp,
             j,
             r: SMatrix::zeros(),
-            members: [Active {
-                constraint: 0,
-                upper: false,
-            }; VARIABLES],
+            members: [Active { constraint: 0, upper: false }; VARIABLES],
             count: 0,
             multipliers: [0.0; VARIABLES + 1],
             z: Vector::zeros(),
@@ -250,13 +240,7 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 largest = relative;
-                worst = Some((
-                    Active {
-                        constraint: i as u8,
-                        upper,
-                    },
-                    relative,
-                ));
+                worst = Some((Active { constraint: i as u8, upper }, relative));
                 if !relative.is_finite() {
                     return worst;
                 }
@@ -327,11 +311,7 @@ impl<'a> Search<'a> {
     fn outside(&self, d: &Vector) -> f64 {
         let whole = d.norm();
         let rest: f64 = d.iter().skip(self.count).map(|x| x * x).sum();
-        if whole > 0.0 {
-            libm::sqrt(rest) / whole
-        } else {
-            0.0
-        }
+        if whole > 0.0 { libm::sqrt(rest) / whole } else { 0.0 }
     }
 
     /// `R^-1` applied to the leading part of `d`; zero beyond the working set.
@@ -357,21 +337,13 @@ impl<'a> Search<'a> {
     }
 
     fn limit(&self, active: Active) -> f64 {
-        let side = if active.upper {
-            &self.qp.upper
-        } else {
-            &self.qp.lower
-        };
+        let side = if active.upper { &self.qp.upper } else { &self.qp.lower };
         side[usize::from(active.constraint)]
     }
 
     /// The bound in `normal' z >= bound`.
     fn bound(&self, active: Active) -> f64 {
-        if active.upper {
-            -self.limit(active)
-        } else {
-            self.limit(active)
-        }
+        if active.upper { -self.limit(active) } else { self.limit(active) }
     }
 
     /// How much the constraint is short of holding.

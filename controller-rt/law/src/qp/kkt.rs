@@ -25,29 +25,17 @@ pub fn kkt_residual(qp: &Qp, z: &SVector<f64, VARIABLES>, multipliers: &[f64; CO
         worst = largest(worst, (value - upper) / (1.0 + upper.abs()));
         if m != 0.0 {
             pull += qp.normal(i) * m;
-            let room = if m > 0.0 {
-                value - lower
-            } else {
-                upper - value
-            };
+            let room = if m > 0.0 { value - lower } else { upper - value };
             worst = largest(worst, m.abs().min(room.abs()));
         }
     }
     let curve = qp.hessian * z;
     let scale = 1.0 + curve.amax().max(qp.gradient.amax()).max(pull.amax());
     let stationarity = (curve + qp.gradient - pull).amax() / scale;
-    if stationarity.is_nan() {
-        f64::INFINITY
-    } else {
-        largest(worst, stationarity)
-    }
+    if stationarity.is_nan() { f64::INFINITY } else { largest(worst, stationarity) }
 }
 
 /// The larger of two numbers; limits at infinity give NaN ratios, which do not count.
 fn largest(so_far: f64, candidate: f64) -> f64 {
-    if candidate > so_far {
-        candidate
-    } else {
-        so_far
-    }
+    if candidate > so_far { candidate } else { so_far }
 }

@@ -5,12 +5,7 @@ fn seen(ego_x_m: f64, ego_y_m: f64, obstacle: Obstacle) -> Observation {
     obstacles[0] = Some(obstacle);
     Observation {
         time_ns: 0,
-        ego: Ego {
-            x_m: ego_x_m,
-            y_m: ego_y_m,
-            forward_mps: 18.0,
-            ..Ego::default()
-        },
+        ego: Ego { x_m: ego_x_m, y_m: ego_y_m, forward_mps: 18.0, ..Ego::default() },
         mission: Mission {
             right_edge_y_m: -1.875,
             left_edge_y_m: 5.625,
@@ -28,24 +23,14 @@ fn surroundings(seen: &Observation) -> Surroundings {
 }
 
 fn van(y_m: f64) -> Obstacle {
-    Obstacle {
-        x_m: 50.0,
-        y_m,
-        vx_mps: 15.0,
-        length_m: 6.0,
-        width_m: 2.2,
-        ..Obstacle::default()
-    }
+    Obstacle { x_m: 50.0, y_m, vx_mps: 15.0, length_m: 6.0, width_m: 2.2, ..Obstacle::default() }
 }
 
 #[test]
 fn a_truck_straight_behind_a_van_is_pushed_to_the_left() {
     let cal = LmlCalibration::default();
     let seen = seen(20.0, 0.0, van(0.0));
-    let model = surroundings(&seen)
-        .potentials(&cal, 20.0, 0.0, 0.0)
-        .next()
-        .expect("one");
+    let model = surroundings(&seen).potentials(&cal, 20.0, 0.0, 0.0).next().expect("one");
     // Downhill of the potential is along (along_x, along_y), away from the van.
     assert!(model.slope < 0.0 && model.along_y > 0.0 && model.along_x < 0.0);
 }
@@ -55,10 +40,7 @@ fn a_truck_behind_a_van_in_the_left_lane_is_not_pushed_off_the_road() {
     let cal = LmlCalibration::default();
     let seen = seen(20.0, 3.75, van(3.75));
     let surroundings = surroundings(&seen);
-    let model = surroundings
-        .potentials(&cal, 20.0, 3.75, 0.0)
-        .next()
-        .expect("one");
+    let model = surroundings.potentials(&cal, 20.0, 3.75, 0.0).next().expect("one");
     assert_eq!(model.along_y, 0.0);
     let limits = surroundings.limits(&cal, 20.0, 3.75, 0.0);
     assert_eq!(limits.x_max_m, 50.0 - 9.0);
@@ -68,30 +50,17 @@ fn a_truck_behind_a_van_in_the_left_lane_is_not_pushed_off_the_road() {
 fn abreast_of_a_van_the_truck_is_kept_beside_it() {
     let cal = LmlCalibration::default();
     let left = seen(50.0, 3.0, van(0.0));
-    assert_eq!(
-        surroundings(&left).limits(&cal, 50.0, 3.0, 0.0).y_min_m,
-        2.75
-    );
+    assert_eq!(surroundings(&left).limits(&cal, 50.0, 3.0, 0.0).y_min_m, 2.75);
     let right = seen(50.0, 0.0, van(3.75));
-    assert_eq!(
-        surroundings(&right).limits(&cal, 50.0, 0.0, 0.0).y_max_m,
-        1.0
-    );
+    assert_eq!(surroundings(&right).limits(&cal, 50.0, 0.0, 0.0).y_max_m, 1.0);
 }
 
 #[test]
 fn limits_without_obstacles_keep_the_trucks_sides_on_the_road() {
     let cal = LmlCalibration::default();
-    let far = Obstacle {
-        x_m: -100.0,
-        ..van(0.0)
-    };
+    let far = Obstacle { x_m: -100.0, ..van(0.0) };
     let limits = surroundings(&seen(0.0, 0.0, far)).limits(&cal, 0.0, 0.0, 0.0);
-    let road = PositionLimits {
-        y_min_m: -0.6,
-        y_max_m: 4.35,
-        x_max_m: f64::INFINITY,
-    };
+    let road = PositionLimits { y_min_m: -0.6, y_max_m: 4.35, x_max_m: f64::INFINITY };
     assert!((limits.y_min_m - road.y_min_m).abs() < 1e-12);
     assert!((limits.y_max_m - road.y_max_m).abs() < 1e-12);
     assert_eq!(limits.x_max_m, road.x_max_m);
@@ -100,21 +69,11 @@ fn limits_without_obstacles_keep_the_trucks_sides_on_the_road() {
 #[test]
 fn a_bump_limits_nothing_but_has_a_potential() {
     let cal = LmlCalibration::default();
-    let bump = Obstacle {
-        kind: ObstacleKind::Bump,
-        vx_mps: 0.0,
-        ..van(0.0)
-    };
+    let bump = Obstacle { kind: ObstacleKind::Bump, vx_mps: 0.0, ..van(0.0) };
     let seen = seen(45.0, 0.0, bump);
     let surroundings = surroundings(&seen);
-    assert_eq!(
-        surroundings.limits(&cal, 45.0, 0.0, 0.0).x_max_m,
-        f64::INFINITY
-    );
-    let model = surroundings
-        .potentials(&cal, 45.0, 0.0, 0.0)
-        .next()
-        .expect("one");
+    assert_eq!(surroundings.limits(&cal, 45.0, 0.0, 0.0).x_max_m, f64::INFINITY);
+    let model = surroundings.potentials(&cal, 45.0, 0.0, 0.0).next().expect("one");
     assert!(model.value > 0.0 && model.curvature > 0.0);
 }
 

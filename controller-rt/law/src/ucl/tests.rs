@@ -53,10 +53,7 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
     const SLOTS: usize = 512;
     let mut air = [[V2v::default(); FOLLOWERS + 1]; SLOTS];
     let mut memories = [Memory::new(); FOLLOWERS];
-    let mut result = Run {
-        peak_m: [0.0; FOLLOWERS],
-        last_m: [0.0; FOLLOWERS],
-    };
+    let mut result = Run { peak_m: [0.0; FOLLOWERS], last_m: [0.0; FOLLOWERS] };
     for k in 0..12_000_usize {
         let now_ns = k as u64 * MS;
         air[k % SLOTS] = core::array::from_fn(|i| message(&vehicles[i], now_ns));
@@ -90,11 +87,7 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
         }
 
         let dt = 1e-3;
-        let leader_accel = if (1_000..2_000).contains(&k) {
-            2.0
-        } else {
-            0.0
-        };
+        let leader_accel = if (1_000..2_000).contains(&k) { 2.0 } else { 0.0 };
         for (i, v) in vehicles.iter_mut().enumerate() {
             let before = v.accel_mps2;
             // Exact for a command held over the step.
@@ -102,11 +95,7 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
                 0 => leader_accel,
                 _ => commands[i - 1] + (before - commands[i - 1]) * libm::exp(-dt / TAU_S),
             };
-            let mean = if i == 0 {
-                leader_accel
-            } else {
-                0.5 * (before + v.accel_mps2)
-            };
+            let mean = if i == 0 { leader_accel } else { 0.5 * (before + v.accel_mps2) };
             v.x_m += dt * (v.speed_mps + 0.5 * dt * mean);
             v.speed_mps += dt * mean;
         }
@@ -121,10 +110,7 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
 }
 
 fn assert_near(what: &str, value: f64, expected: f64, tolerance: f64) {
-    assert!(
-        (value - expected).abs() <= tolerance,
-        "{what}: {value}, expected {expected}"
-    );
+    assert!((value - expected).abs() <= tolerance, "{what}: {value}, expected {expected}");
 }
 
 #[test]
@@ -147,28 +133,14 @@ fn a_constant_delay_of_100_ms_costs_as_much_as_eq_4_says() {
 #[test]
 fn a_stale_leader_leaves_the_offset_that_its_age_explains() {
     // Speed 22 m/s times 0.1 s, and speed over the 20 m/s frame times 0.1 s.
-    assert_near(
-        "leader",
-        run(DelayReading::LeaderStale, 100).last_m[0],
-        2.20,
-        0.02,
-    );
-    assert_near(
-        "frame",
-        run(DelayReading::FrameStale, 100).last_m[0],
-        0.20,
-        0.02,
-    );
+    assert_near("leader", run(DelayReading::LeaderStale, 100).last_m[0], 2.20, 0.02);
+    assert_near("frame", run(DelayReading::FrameStale, 100).last_m[0], 0.20, 0.02);
 }
 
 #[test]
 fn extrapolating_messages_removes_the_offset() {
     let run = run(DelayReading::Compensated, 100);
-    assert!(
-        run.last_m.iter().all(|e| e.abs() < 1e-3),
-        "{:?}",
-        run.last_m
-    );
+    assert!(run.last_m.iter().all(|e| e.abs() < 1e-3), "{:?}", run.last_m);
 }
 
 #[test]
@@ -176,15 +148,8 @@ fn a_truck_that_hears_no_leader_holds_the_set_speed() {
     let cal = crate::Calibration::default().ucl;
     let seen = Observation {
         time_ns: 0,
-        ego: Ego {
-            forward_mps: 15.0,
-            ..Ego::default()
-        },
-        mission: Mission {
-            truck: 2,
-            set_speed_mps: 18.0,
-            ..Mission::default()
-        },
+        ego: Ego { forward_mps: 15.0, ..Ego::default() },
+        mission: Mission { truck: 2, set_speed_mps: 18.0, ..Mission::default() },
         leader: None,
         predecessor: None,
         obstacles: [None; crate::OBSTACLES_MAX],

@@ -11,19 +11,12 @@ const PYTHON_CAN: &[u8] = b"\x8b\xa9timestamp\xcb\x3f\xf8\x00\x00\x00\x00\x00\x0
 const NO_TAG: &str = "";
 
 fn fd_frame(data: &[u8]) -> Frame {
-    let flags = FrameFlags {
-        is_extended: true,
-        is_fd: true,
-        brs: true,
-        ..FrameFlags::default()
-    };
+    let flags = FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
     Frame::new(0x18FF_1080, flags, data).expect("valid")
 }
 
 fn packed(frame: &Frame, tag: &str) -> Vec<u8> {
-    Packed::of(frame, &Tag::new(tag).expect("short"))
-        .bytes()
-        .to_vec()
+    Packed::of(frame, &Tag::new(tag).expect("short")).bytes().to_vec()
 }
 
 /// A small seeded generator (SplitMix64, Steele et al. 2014).
@@ -60,10 +53,7 @@ fn the_longest_frame_with_the_longest_tag_fits() {
 #[test]
 fn every_kind_of_frame_round_trips() {
     let classic = FrameFlags::default();
-    let error = FrameFlags {
-        is_error: true,
-        ..classic
-    };
+    let error = FrameFlags { is_error: true, ..classic };
     for frame in [
         Frame::new(0x7FF, classic, &[]).expect("valid"),
         Frame::new(0x044, error, &[0; 8]).expect("valid"),
@@ -90,10 +80,7 @@ fn keys_may_come_in_any_order_with_any_width_and_unknown_ones_between() {
 #[test]
 fn missing_keys_take_python_cans_defaults() {
     let datagram = b"\x81\xaearbitration_id\x05";
-    let extended = FrameFlags {
-        is_extended: true,
-        ..FrameFlags::default()
-    };
+    let extended = FrameFlags { is_extended: true, ..FrameFlags::default() };
     assert_eq!(unpack(datagram), Frame::new(5, extended, &[]).ok());
 }
 
@@ -122,11 +109,7 @@ fn every_truncation_is_no_frame() {
 
 #[test]
 fn promised_lengths_far_beyond_the_datagram_end_at_once() {
-    for head in [
-        &b"\xdf\xff\xff\xff\xff"[..],
-        b"\xdd\xff\xff\xff\xff",
-        b"\xc6\xff\xff\xff\xff",
-    ] {
+    for head in [&b"\xdf\xff\xff\xff\xff"[..], b"\xdd\xff\xff\xff\xff", b"\xc6\xff\xff\xff\xff"] {
         assert_eq!(unpack(head), None);
         let mut nested = b"\x81\xa1x".to_vec();
         nested.extend_from_slice(head);
@@ -141,9 +124,7 @@ fn no_bytes_make_it_panic_and_what_it_takes_repacks_the_same() {
     let mut taken = 0;
     for round in 0..200_000 {
         let mut datagram = if round % 2 == 0 {
-            (0..random.next() % 300)
-                .map(|_| random.next() as u8)
-                .collect()
+            (0..random.next() % 300).map(|_| random.next() as u8).collect()
         } else {
             PYTHON_CAN.to_vec()
         };
