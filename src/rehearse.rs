@@ -127,6 +127,7 @@ impl<'a> Plan<'a> {
         let began = Instant::now();
         let mut outcome = run()?;
         let elapsed_s = began.elapsed().as_secs_f64();
+        anstream::eprintln!("merging the recordings into {}", folder.trace().display());
         let mut files = Files { report: Some(folder.report().display().to_string()), mcap: None };
         match trace::merge(self, folder) {
             Ok(notes) => {
