@@ -17,6 +17,8 @@ pub struct BusChoice {
     kind: Chosen,
     /// Why this one, for people.
     pub reason: String,
+    /// Whether commands on a physical interface were allowed.
+    armed: bool,
     /// Interfaces made for this run, to be removed at its end.
     made: Vec<Vcan>,
 }
@@ -79,12 +81,14 @@ impl BusChoice {
             _ if udp => Chosen::Udp { port: place.port.unwrap_or(Udp::FIRST_PORT), _lease: None },
             _ => Chosen::SocketCan { interfaces: place.interfaces.clone() },
         };
-        Ok(Self { kind, reason: "joining a run".into(), made: Vec::new() })
+        let armed = place.arm;
+        Self { kind, reason: "joining a run".into(), armed, made: Vec::new() }.armed_if_physical()
     }
 
     /// In memory, for virtual time.
     pub fn loopback() -> Self {
-        Self { kind: Chosen::Loopback, reason: "virtual time".into(), made: Vec::new() }
+        let reason = "virtual time".into();
+        Self { kind: Chosen::Loopback, reason, armed: false, made: Vec::new() }
     }
 
     fn udp(place: &BusPlace, reason: String) -> Result<Self, Failure> {
@@ -99,37 +103,43 @@ impl BusChoice {
             _ => Ok(Self {
                 kind: Chosen::Udp { port, _lease: Some(lease) },
                 reason,
+                armed: false,
                 made: Vec::new(),
             }),
         }
     }
 
     fn socketcan(place: &BusPlace, trucks: usize, reason: String) -> Result<Self, Failure> {
-        if place.interfaces.is_empty() {
+        let (interfaces, made) = if place.interfaces.is_empty() {
             let names: Vec<String> = (0..trucks).map(|i| format!("truck{i}")).collect();
             let words: Vec<&str> = names.iter().map(String::as_str).collect();
-            let done = can::ensure_vcan(&words).map_err(Failure::cannot_start)?;
-            let chosen =
-                Self { kind: Chosen::SocketCan { interfaces: names }, reason, made: done.created };
-            return chosen.checked(place);
-        }
-        let interfaces = named_interfaces(place, trucks)?;
-        Self { kind: Chosen::SocketCan { interfaces }, reason, made: Vec::new() }.checked(place)
+            let made = can::ensure_vcan(&words).map_err(Failure::cannot_start)?.created;
+            (names, made)
+        } else {
+            (named_interfaces(place, trucks)?, Vec::new())
+        };
+        let kind = Chosen::SocketCan { interfaces };
+        let chosen = Self { kind, reason, armed: place.arm, made }.armed_if_physical()?;
+        if place.share { Ok(chosen) } else { chosen.alone() }
     }
 
-    /// Refuses physical interfaces that are not armed, and interfaces others use already.
-    fn checked(self, place: &BusPlace) -> Result<Self, Failure> {
-        let Chosen::SocketCan { interfaces } = &self.kind else {
-            return Ok(self);
-        };
-        for name in interfaces {
-            if !place.arm && is_physical(name) {
+    /// Refuses physical interfaces that are not armed.
+    fn armed_if_physical(self) -> Result<Self, Failure> {
+        for name in self.socketcan_interfaces() {
+            if !self.armed && is_physical(name) {
                 return Err(Failure::usage(format!(
                     "--interfaces {name}: a physical CAN interface, real actuators may move; say \
                      --arm if that is meant"
                 )));
             }
-            if !place.share && carries_traffic(name)? {
+        }
+        Ok(self)
+    }
+
+    /// Refuses interfaces that others use already.
+    fn alone(self) -> Result<Self, Failure> {
+        for name in self.socketcan_interfaces() {
+            if carries_traffic(name)? {
                 return Err(Failure::cannot_start(format!(
                     "interface {name}: carries traffic already; choose another interface, or say \
                      --share to join it"
@@ -137,6 +147,13 @@ impl BusChoice {
             }
         }
         Ok(self)
+    }
+
+    fn socketcan_interfaces(&self) -> impl Iterator<Item = &String> {
+        match &self.kind {
+            Chosen::SocketCan { interfaces } => interfaces.iter(),
+            Chosen::Udp { .. } | Chosen::Loopback => [].iter(),
+        }
     }
 
     /// Kind of the bus, in the words of the summary.
@@ -167,7 +184,9 @@ impl BusChoice {
     pub fn as_arguments(&self) -> Vec<String> {
         let words: Vec<String> = match &self.kind {
             Chosen::SocketCan { interfaces } => {
-                vec!["--interfaces".into(), interfaces.join(","), "--share".into(), "--arm".into()]
+                let arm = self.armed.then(|| "--arm".to_owned());
+                let place = ["--interfaces".to_owned(), interfaces.join(",")];
+                place.into_iter().chain(arm).collect()
             }
             Chosen::Udp { port, .. } => vec!["--port".into(), port.to_string()],
             Chosen::Loopback => Vec::new(),

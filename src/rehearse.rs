@@ -129,7 +129,7 @@ impl<'a> Plan<'a> {
         let elapsed_s = began.elapsed().as_secs_f64();
         anstream::eprintln!("merging the recordings into {}", folder.trace().display());
         let mut files = Files { report: Some(folder.report().display().to_string()), mcap: None };
-        match trace::merge(self, folder) {
+        match trace::merge(self, folder, bus, &outcome) {
             Ok(notes) => {
                 files.mcap = Some(folder.trace().display().to_string());
                 outcome.notes.extend(notes);

@@ -6,7 +6,8 @@ use std::path::PathBuf;
 
 use traces::{Attachment, MergeOptions, MergeReport, PartReport, Source};
 
-use super::{Plan, describe_environment};
+use super::{Outcome, Plan, describe_environment};
+use crate::bus::BusChoice;
 use crate::run_folder::RunFolder;
 
 /// Merges what there is into `run.mcap` and removes the parts; what a killed process lost comes
@@ -14,13 +15,18 @@ use crate::run_folder::RunFolder;
 ///
 /// # Errors
 /// Why there is no trace, in words; the parts are kept.
-pub(super) fn merge(plan: &Plan<'_>, folder: &RunFolder) -> Result<Vec<String>, String> {
+pub(super) fn merge(
+    plan: &Plan<'_>,
+    folder: &RunFolder,
+    bus: &BusChoice,
+    outcome: &Outcome,
+) -> Result<Vec<String>, String> {
     let parts: Vec<PathBuf> = std::iter::once(Source::Rig)
         .chain((0..plan.trucks() as u8).map(Source::Ecu))
         .map(|source| folder.part(&source.to_string()))
         .filter(|path| path.exists())
         .collect();
-    let report = traces::merge(&parts, &folder.trace(), &options(plan))
+    let report = traces::merge(&parts, &folder.trace(), &options(plan, bus, outcome))
         .map_err(|error| format!("no trace: {error}"))?;
     for part in &parts {
         // A part that cannot be removed only takes room.
@@ -29,7 +35,7 @@ pub(super) fn merge(plan: &Plan<'_>, folder: &RunFolder) -> Result<Vec<String>, 
     Ok(notes(&report))
 }
 
-fn options(plan: &Plan<'_>) -> MergeOptions {
+fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions {
     let run = BTreeMap::from([
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("scenario".to_owned(), plan.scenario.name.clone()),
@@ -54,8 +60,45 @@ fn options(plan: &Plan<'_>) -> MergeOptions {
         metadata: BTreeMap::from([
             ("platoon.run".to_owned(), run),
             ("platoon.environment".to_owned(), describe_environment()),
+            ("platoon.bus".to_owned(), describe_bus(bus, plan.trucks())),
+            ("platoon.realtime".to_owned(), describe_privileges(outcome)),
+            ("platoon.floor_us".to_owned(), describe_floor(outcome)),
         ]),
     }
+}
+
+fn describe_bus(bus: &BusChoice, trucks: usize) -> BTreeMap<String, String> {
+    let interfaces = bus.interfaces(trucks);
+    let named = |(truck, name)| (format!("truck{truck}"), name);
+    let place = [("backend", bus.backend()), ("reason", &bus.reason)];
+    let words = place.map(|(key, value)| (key.to_owned(), value.to_owned()));
+    interfaces.into_iter().enumerate().map(named).chain(words).collect()
+}
+
+/// What each ECU really obtained; nothing in virtual time.
+fn describe_privileges(outcome: &Outcome) -> BTreeMap<String, String> {
+    let reported = outcome.ecus.iter().filter_map(|ecu| Some((ecu.truck, ecu.realtime.as_ref()?)));
+    reported
+        .map(|(truck, obtained)| {
+            let cpus = obtained.cpus.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
+            let words = format!(
+                "policy {}, priority {}, cpus {cpus}, memory {}",
+                obtained.policy,
+                obtained.priority,
+                if obtained.mlock { "locked" } else { "not locked" }
+            );
+            (format!("ecu{truck}"), words)
+        })
+        .collect()
+}
+
+/// Wake-up lateness of the machine beside the run; nothing in virtual time.
+fn describe_floor(outcome: &Outcome) -> BTreeMap<String, String> {
+    let Some(floor) = &outcome.floor else { return BTreeMap::new() };
+    let p = floor.percentiles();
+    [("p50", p.p50_us), ("p99", p.p99_us), ("p999", p.p999_us), ("max", p.max_us)]
+        .map(|(name, us)| (name.to_owned(), format!("{us:.1}")))
+        .into()
 }
 
 fn notes(report: &MergeReport) -> Vec<String> {
