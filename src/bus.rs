@@ -1,7 +1,5 @@
 //! Which bus a run uses, and opening one's end of it.
 
-use std::fs;
-
 use platoon_dbc::{Backend, Bus, OpenError, PortLease, SocketCan, Udp, UdpOptions};
 use vcan_setup::can::{self, Vcan};
 
@@ -126,10 +124,10 @@ impl BusChoice {
     /// Refuses physical interfaces that are not armed.
     fn armed_if_physical(self) -> Result<Self, Failure> {
         for name in self.socketcan_interfaces() {
-            if !self.armed && is_physical(name) {
+            if !self.armed && can::may_be_physical(name) {
                 return Err(Failure::usage(format!(
-                    "--interfaces {name}: a physical CAN interface, real actuators may move; say \
-                     --arm if that is meant"
+                    "--interfaces {name}: not a virtual CAN interface (vcan, vxcan), real actuators \
+                     may move; say --arm if that is meant"
                 )));
             }
         }
@@ -243,11 +241,6 @@ fn named_interfaces(place: &BusPlace, trucks: usize) -> Result<Vec<String>, Fail
         )));
     }
     Ok(place.interfaces[..trucks].to_vec())
-}
-
-/// Whether an interface is backed by hardware: the kernel links those to their device.
-fn is_physical(name: &str) -> bool {
-    fs::exists(format!("/sys/class/net/{name}/device")).unwrap_or(false)
 }
 
 /// Listens for a moment, to keep out of somebody else's bus.

@@ -97,6 +97,18 @@ pub struct Vcan {
     pub index: u32,
 }
 
+/// Whether an interface may lead out of this machine: it exists and is neither `vcan` nor `vxcan`.
+///
+/// One that cannot be asked about counts as physical: the safe side.
+#[must_use]
+pub fn may_be_physical(name: &str) -> bool {
+    match Link::find(name) {
+        Ok(Some(link)) => !matches!(link.kind.as_deref(), Some("vcan" | "vxcan")),
+        Ok(None) => false,
+        Err(_) => true,
+    }
+}
+
 /// What [`ensure_vcan`] did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Created {
