@@ -156,7 +156,7 @@ fn host(
     end: Loopback,
     stop: &Arc<AtomicBool>,
 ) -> Result<JoinHandle<Report>, Failure> {
-    let controller = calibration::controller(calibration, args.solver, args.delay_reading);
+    let controller = calibration::controller(calibration, &args.law_options);
     let interfaces = vec![end.name().to_owned()];
     let source = Source::Ecu(truck);
     let recorder = process::recorder(folder, source, Overflow::DropNewest, interfaces)?;

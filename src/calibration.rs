@@ -7,7 +7,7 @@ use controller_rt::{Clarabel, Controller, LawController};
 use law::qp::ActiveSet;
 use law::{Calibration, Law};
 
-use crate::cli::{DelayReadingKind, SolverKind};
+use crate::cli::{LawArgs, SolverKind};
 use crate::failure::Failure;
 
 /// Reads the calibration a `law` table gives; keys it leaves out have their published values.
@@ -45,16 +45,12 @@ pub fn from_file(path: Option<&Path>) -> Result<Calibration, Failure> {
     from_table(&source, &table)
 }
 
-/// The paper's law with the solver asked for, ready for an ECU.
-pub fn controller(
-    mut calibration: Calibration,
-    solver: SolverKind,
-    reading: Option<DelayReadingKind>,
-) -> Box<dyn Controller> {
-    if let Some(reading) = reading {
+/// The paper's law as asked for, ready for an ECU.
+pub fn controller(mut calibration: Calibration, options: &LawArgs) -> Box<dyn Controller> {
+    if let Some(reading) = options.delay_reading {
         calibration.ucl.delay_reading = reading.into();
     }
-    match solver {
+    match options.solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
         SolverKind::Clarabel => {
             Box::new(LawController::new(Law::new(calibration, Clarabel::default())))

@@ -55,12 +55,9 @@ pub struct RehearseArgs {
     /// Controller in the ECUs.
     #[arg(long, value_enum, default_value_t = ControllerKind::Mcf)]
     pub controller: ControllerKind,
-    /// QP solver of the motion layer.
-    #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
-    pub solver: SolverKind,
-    /// How Eq. 4's delays are read.
-    #[arg(long, value_enum)]
-    pub delay_reading: Option<DelayReadingKind>,
+    /// How the law is run.
+    #[command(flatten)]
+    pub law_options: LawArgs,
     /// V2V delay LO-HI in milliseconds, or none.
     #[arg(long, value_name = "LO-HI|none", value_parser = parse_delay)]
     pub v2v_delay: Option<V2vDelay>,
@@ -96,6 +93,29 @@ pub struct RunArgs {
     pub set: Vec<(String, String)>,
 }
 
+/// How the control law is run.
+#[derive(Debug, Clone, Copy, Args)]
+pub struct LawArgs {
+    /// QP solver of the motion layer.
+    #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
+    pub solver: SolverKind,
+    /// How Eq. 4's delays are read.
+    #[arg(long, value_enum)]
+    pub delay_reading: Option<DelayReadingKind>,
+}
+
+impl LawArgs {
+    /// The same options for another process.
+    pub fn as_arguments(&self) -> Vec<String> {
+        let reading = self.delay_reading.map(|reading| ["--delay-reading", reading.word()]);
+        ["--solver", self.solver.word()]
+            .into_iter()
+            .chain(reading.into_iter().flatten())
+            .map(str::to_owned)
+            .collect()
+    }
+}
+
 /// Where a bus is and what may be done with it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct BusPlace {
@@ -128,12 +148,9 @@ pub struct ControllerArgs {
     /// Calibration of the law: a TOML file with the keys a scenario has under `law`.
     #[arg(long, value_name = "FILE")]
     pub law: Option<PathBuf>,
-    /// QP solver of the motion layer.
-    #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
-    pub solver: SolverKind,
-    /// How Eq. 4's delays are read.
-    #[arg(long, value_enum)]
-    pub delay_reading: Option<DelayReadingKind>,
+    /// How the law is run.
+    #[command(flatten)]
+    pub law_options: LawArgs,
     /// Folder for this ECU's recording and report.
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub out: PathBuf,
@@ -160,12 +177,9 @@ pub struct BenchArgs {
     /// Trucks whose ECUs this process runs itself, beside the rig.
     #[arg(long, value_name = "N,N,...", value_delimiter = ',')]
     pub host: Vec<u8>,
-    /// QP solver of the ECUs hosted here.
-    #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
-    pub solver: SolverKind,
-    /// How Eq. 4's delays are read by the ECUs hosted here.
-    #[arg(long, value_enum)]
-    pub delay_reading: Option<DelayReadingKind>,
+    /// How the law is run in the ECUs hosted here.
+    #[command(flatten)]
+    pub law_options: LawArgs,
     /// V2V delay LO-HI in milliseconds, or none.
     #[arg(long, value_name = "LO-HI|none", value_parser = parse_delay)]
     pub v2v_delay: Option<V2vDelay>,

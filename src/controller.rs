@@ -22,7 +22,7 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     }
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
-    let controller = calibration::controller(calibration, args.solver, args.delay_reading);
+    let controller = calibration::controller(calibration, &args.law_options);
     let folder = RunFolder::open(&args.out)?;
     let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
     let source = Source::Ecu(args.truck);

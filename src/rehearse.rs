@@ -73,7 +73,10 @@ impl<'a> Plan<'a> {
             check_parent("--json", path)?;
         }
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
-        let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+        let mut calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+        if let Some(reading) = args.law_options.delay_reading {
+            calibration.ucl.delay_reading = reading.into();
+        }
         let plan = Self { args, scenario, calibration };
         let trucks = plan.trucks();
         let known = |truck: u8| usize::from(truck) < trucks;
@@ -140,7 +143,7 @@ impl<'a> Plan<'a> {
             scenario: &self.scenario,
             seed: self.args.run.seed,
             rate_hz: self.args.run.rate_hz,
-            solver: self.args.solver.word(),
+            solver: self.args.law_options.solver.word(),
             results: outcome.results,
             rig_pace: outcome.rig_pace,
             ecus: outcome.ecus,

@@ -397,10 +397,7 @@ fn common_arguments(
 ) -> Vec<String> {
     let mut words = bus.as_arguments();
     words.extend(["--supervised".into(), "--out".into(), path_word(folder.path())]);
-    words.extend(["--solver".into(), plan.args.solver.word().into()]);
-    if let Some(reading) = plan.args.delay_reading {
-        words.extend(["--delay-reading".into(), reading.word().into()]);
-    }
+    words.extend(plan.args.law_options.as_arguments());
     words.extend(cpu.into_iter().flat_map(|cpu| ["--cpu".into(), cpu.to_string()]));
     words
 }

@@ -63,8 +63,7 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
         let source = Source::Ecu(truck);
         let interfaces = vec![ecu_end.name().to_owned()];
         let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
-        let args = plan.args;
-        let law = calibration::controller(plan.calibration, args.solver, args.delay_reading);
+        let law = calibration::controller(plan.calibration, &plan.args.law_options);
         let config = Config { truck, gain_id: 0, realtime: None };
         ecus.push(Ecu::new(config, Box::new(ecu_end), law, Some(recorder)));
     }
