@@ -44,7 +44,8 @@ impl RunFolder {
             ))
         };
         fs::create_dir_all(path).map_err(failed)?;
-        let probe = path.join(".writable");
+        // The processes of a run try at the same time, each with a file of its own.
+        let probe = path.join(format!(".writable-{}", std::process::id()));
         fs::write(&probe, b"").map_err(failed)?;
         fs::remove_file(&probe).map_err(failed)?;
         Ok(Self { path: path.to_path_buf() })
