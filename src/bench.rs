@@ -61,7 +61,9 @@ pub fn load_scenario(
 ) -> Result<Scenario, Failure> {
     let mut sets: Vec<(String, String)> =
         v2v_delay.map(V2vDelay::as_sets).into_iter().flatten().collect();
-    sets.extend(run.duration_s.map(|s| ("duration_s".to_owned(), format!("{s:?}"))));
+    sets.extend(
+        run.duration_s.map(|s| ("duration_s".to_owned(), toml::Value::Float(s).to_string())),
+    );
     sets.extend(run.set.iter().cloned());
     Scenario::load(name, &sets).map_err(Failure::usage)
 }
@@ -78,6 +80,12 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
     let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
     let trucks = scenario.platoon.trucks;
+    if let Some(truck) = args.host.iter().find(|truck| usize::from(**truck) >= trucks) {
+        return Err(Failure::usage(format!(
+            "--host {truck}: the scenario has trucks 0 to {}",
+            trucks - 1
+        )));
+    }
     let bus = if args.supervised {
         BusChoice::joining(args.bus, &args.place)?
     } else {

@@ -86,7 +86,7 @@ pub struct RunArgs {
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
     /// End after this many seconds of bench time instead of the scenario's own.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub duration_s: Option<f64>,
     /// Override a number of the scenario; may be given more than once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_set)]

@@ -23,8 +23,8 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
     let controller = calibration::controller(calibration, &args.law_options);
-    let folder = RunFolder::open(&args.out)?;
     let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
+    let folder = RunFolder::open(&args.out)?;
     let source = Source::Ecu(args.truck);
     let interfaces = vec![bus.name().to_owned()];
     // The recorder's thread starts first, so that it does not inherit the loop's priority.
