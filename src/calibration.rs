@@ -52,8 +52,6 @@ pub fn controller(mut calibration: Calibration, options: &LawArgs) -> Box<dyn Co
     }
     match options.solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
-        SolverKind::Clarabel => {
-            Box::new(LawController::new(Law::new(calibration, Clarabel::default())))
-        }
+        SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),
     }
 }

@@ -103,7 +103,7 @@ fn alternate(
         for _ in 0..rig.steps_per_tick() {
             rig.step();
         }
-        if tick % TICKS_PER_LOOK == 0 {
+        if tick.is_multiple_of(TICKS_PER_LOOK) {
             line.show(time_s, plan.scenario.duration_s);
             interrupted = stop.load(Ordering::Relaxed);
         }
