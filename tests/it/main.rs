@@ -4,6 +4,7 @@ mod architecture;
 mod bench;
 mod determinism;
 mod faults;
+mod nominal;
 mod real_time;
 mod rehearsal;
 mod repository;
