@@ -149,11 +149,35 @@ fn an_ecu_killed_by_somebody_else_is_missed() {
 }
 
 #[test]
+fn an_ecu_that_pauses_comes_back_and_reports() {
+    let run = rehearse("real-time-pause", "4", &["--fault", "pause-ecu@1+0.5:truck=1"]);
+    assert!(matches!(run.code(), Some(0 | 1)), "{:?}: {}", run.code(), run.stderr);
+    let summary = run.summary();
+    assert_eq!(reporting(&summary), [0, 1, 2, 3]);
+    assert_noted(&summary, &["fault injected", "pause-ecu@1+0.5:truck=1"]);
+    assert_trace_is_whole(&run, &[0, 1, 2, 3]);
+}
+
+#[test]
+fn no_process_outlives_a_supervisor_that_was_killed() {
+    let ongoing = bench::start_rehearsal("real-time-orphans", &over_udp("100", &[]));
+    let out = ongoing.out();
+    wait_until_recording(&out);
+    assert_eq!(processes_of(&out).len(), 5, "the rig and four ECUs");
+    send(&ongoing, Signal::KILL);
+    let run = ongoing.finish(END_LIMIT);
+    assert_eq!(run.code(), None);
+    bench::eventually("the end of its children", END_LIMIT, || {
+        processes_of(&out).is_empty().then_some(())
+    });
+}
+
+#[test]
 fn an_interrupted_run_ends_by_itself_with_everything_written() {
     let ongoing = bench::start_rehearsal("real-time-interrupted", &over_udp("100", &[]));
     let out = ongoing.out();
     wait_until_recording(&out);
-    interrupt(&ongoing);
+    send(&ongoing, Signal::INT);
     let run = ongoing.finish(END_LIMIT);
     run.expect_code(1);
     let summary = run.summary();
@@ -191,9 +215,9 @@ fn wait_until_recording(out: &Path) {
     });
 }
 
-fn interrupt(run: &Ongoing) {
+fn send(run: &Ongoing, what: Signal) {
     let pid = Pid::from_raw(run.pid() as i32).expect("no process has number 0");
-    kill_process(pid, Signal::INT).expect("a process of our own");
+    kill_process(pid, what).expect("a process of our own");
 }
 
 /// The processes that were started for the run in this folder, with their arguments.
