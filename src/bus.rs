@@ -73,7 +73,8 @@ impl BusChoice {
         let kind = match asked {
             BusKind::Loopback => {
                 return Err(Failure::usage(
-                    "--bus loopback lives inside one process; use `platoon rehearse --virtual-time`",
+                    "--bus loopback lives inside one process; \
+                     use `platoon rehearse --virtual-time`",
                 ));
             }
             _ if udp => Chosen::Udp { port: place.port.unwrap_or(Udp::FIRST_PORT), _lease: None },
@@ -126,8 +127,8 @@ impl BusChoice {
         for name in self.socketcan_interfaces() {
             if !self.armed && can::may_be_physical(name) {
                 return Err(Failure::usage(format!(
-                    "--interfaces {name}: not a virtual CAN interface (vcan, vxcan), real actuators \
-                     may move; say --arm if that is meant"
+                    "--interfaces {name}: not a virtual CAN interface (vcan, vxcan), real \
+                     actuators may move; say --arm if that is meant"
                 )));
             }
         }

@@ -65,7 +65,8 @@ pub struct RehearseArgs {
     /// kill-ecu@20:truck=2 or pause-ecu@30+0.5:truck=1. May be given more than once.
     #[arg(long, value_name = "SPEC")]
     pub fault: Vec<Fault>,
-    /// Folder for the run's files; it must not hold a run already [default: runs/<time>-<scenario>].
+    /// Folder for the run's files; it must not hold a run already
+    /// [default: runs/<time>-<scenario>].
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Where to write the summary as JSON, beside summary.json in the run's folder.
@@ -80,7 +81,8 @@ pub struct RehearseArgs {
 #[derive(Debug, Clone, Args)]
 pub struct RunArgs {
     /// Rate of the control loop in Hz.
-    #[arg(long, value_name = "HZ", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(10..=10_000))]
+    #[arg(long, value_name = "HZ", default_value_t = 1000,
+          value_parser = clap::value_parser!(u32).range(10..=10_000))]
     pub rate_hz: u32,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]

@@ -202,7 +202,8 @@ async fn follow(
             _ = terminate.recv() => interrupted(crew, outcome, &mut deadline),
             () = until(deadline) => {
                 for member in crew.members.iter().filter(|m| m.running) {
-                    outcome.notes.push(format!("{} did not end by itself and was killed", member.name));
+                    let name = &member.name;
+                    outcome.notes.push(format!("{name} did not end by itself and was killed"));
                 }
                 crew.send(|_| true, Signal::KILL);
                 deadline = Some(Instant::now() + GRACE);
