@@ -61,12 +61,12 @@ pub struct RehearseArgs {
     /// V2V delay LO-HI in milliseconds, or none.
     #[arg(long, value_name = "LO-HI|none", value_parser = parse_delay)]
     pub v2v_delay: Option<V2vDelay>,
-    /// What to break, and when: KIND@TIME[+DURATION][:key=value,...], for example
+    /// What to break, and when: `KIND@TIME[+DURATION][:key=value,...]`, for example
     /// kill-ecu@20:truck=2 or pause-ecu@30+0.5:truck=1. May be given more than once.
     #[arg(long, value_name = "SPEC")]
     pub fault: Vec<Fault>,
     /// Folder for the run's files; it must not hold a run already
-    /// [default: runs/<time>-<scenario>].
+    /// (default: `runs/<time>-<scenario>`).
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Where to write the summary as JSON, beside summary.json in the run's folder.

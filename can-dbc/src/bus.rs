@@ -191,7 +191,10 @@ pub enum OpenError {
         interface: String,
     },
     /// There is no interface of this name.
-    #[error("interface {interface}: there is none of this name; create it with `vcan-setup up`")]
+    #[error(
+        "interface {interface}: there is none of this name; create a virtual one with \
+         `sudo ip link add {interface} mtu 72 type vcan; sudo ip link set {interface} up`"
+    )]
     NoInterface {
         /// Interface asked for.
         interface: String,
