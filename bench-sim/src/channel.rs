@@ -124,7 +124,8 @@ impl<M: Copy> Channel<M> {
         Broadcast::Sent
     }
 
-    /// Hands every message that is due at `now_ns` to `receive(to, message)`, oldest first per link.
+    /// Hands every message that is due at `now_ns` to `receive(to, message)`, oldest first on each
+    /// link.
     pub(crate) fn deliver(&mut self, now_ns: u64, mut receive: impl FnMut(usize, &M)) {
         for link in &mut self.links {
             while let Some(message) = link.next_due(now_ns) {

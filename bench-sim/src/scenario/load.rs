@@ -89,7 +89,7 @@ pub enum ScenarioError {
 impl Scenario {
     /// Loads a scenario by built-in name or by path, and applies `(key, value)` overrides in order.
     ///
-    /// A value is read as TOML (`18`, `0.15`, `true`, `[1, 2]`, `"text"`), and as a bare string when
+    /// A value is read as TOML (`18`, `0.15`, `true`, `[1, 2]`, `"text"`), and as a bare string if
     /// it is not TOML.
     ///
     /// # Errors

@@ -42,7 +42,8 @@ fn gentle_cornering_follows_the_understeer_gradient() {
 
 #[test]
 fn coasting_down_matches_the_analytic_solution() {
-    // m u' = -c u² - f m g  =>  u(t) = k tan(atan(u0 / k) - t sqrt(c f g / m)), k = sqrt(f m g / c).
+    // m u' = -c u² - f m g  =>  u(t) = k tan(atan(u0 / k) - t sqrt(c f g / m)),
+    // k = sqrt(f m g / c).
     let mut truck = truck_at(25.0);
     let p = *truck.parameters();
     let k = (p.rolling * p.mass_kg * GRAVITY_MPS2 / p.drag_n_s2_per_m2).sqrt();

@@ -25,7 +25,7 @@ pub const STATES: usize = 6;
 /// State \[ū m/s, v m/s, r rad/s, φ rad, X m, Y m\].
 pub type State = [f64; STATES];
 
-/// Columns of a sensitivity: to the initial ū, v, r, φ, then to force \[1/kN\] and steering \[1/deg\].
+/// Columns of a sensitivity: to the initial ū, v, r, φ, to force \[1/kN\], to steering \[1/deg\].
 /// The columns to the initial X and Y are those of the identity and not stored.
 pub const COLUMNS: usize = 6;
 /// Sensitivity of a state, row by row.
@@ -100,7 +100,7 @@ impl Bicycle {
         input: [f64; 2],
         step_s: f64,
     ) -> (State, Sensitivity) {
-        // Weights of the four stages: how far each reaches from the start, and its share of the sum.
+        // The four stages: how far each reaches from the start, and its share of the sum.
         const REACH: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
         const SHARE: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
         let (mut next, mut next_s) = (*state, *sensitivity);

@@ -51,8 +51,9 @@ pub fn seconds_between(earlier_ns: u64, later_ns: u64) -> f64 {
 
 /// Entries of a history.
 const LENGTH: usize = 64;
-/// Spacing of kept entries \[ns\]: 64 of them reach back 0.64 s, more than twice the longest delay the
-/// gain is designed for, and a straight line over 10 ms misses the position by less than 0.05 mm at 4 m/s².
+/// Spacing of kept entries \[ns\]: 64 of them reach back 0.64 s, more than twice the longest delay
+/// the gain is designed for, and a straight line over 10 ms misses the position by less than
+/// 0.05 mm at 4 m/s².
 const SPACING_NS: u64 = 10_000_000;
 
 /// The recent past of one truck, thinned to one entry per 10 ms whatever the loop's rate.

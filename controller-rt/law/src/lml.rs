@@ -84,10 +84,17 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// S w² at every step, R (w_b - w_{b-1})² between blocks, the first against the command in force.
+    /// S w² at every step, R (w_b - w_{b-1})² between blocks.
+    ///
+    /// The first block is compared with the command in force, and that change is weighted by the
+    /// share of a prediction step until the next solve. With the whole R at every tick the command
+    /// would cover the same fraction of its way per tick however short the tick: a lag that depends
+    /// on the loop's rate. At one solve per prediction step this is Eq. 21 as printed.
     fn input_cost(&mut self) {
+        let share = (self.request.interval_s / STEP_S).clamp(0.0, 1.0);
         for (i, (&s, &r)) in self.cal.s.iter().zip(&self.cal.r).enumerate() {
             for b in 0..BLOCKS {
+                let r = if b == 0 { share * r } else { r };
                 let steps = if b + 1 < BLOCKS { 1 } else { STEPS + 1 - BLOCKS };
                 let at = 2 * b + i;
                 self.qp.hessian[(at, at)] += 2.0 * s * steps as f64 + 2.0 * r;

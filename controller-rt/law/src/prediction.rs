@@ -10,7 +10,7 @@ use crate::qp::{BLOCKS, INPUTS};
 
 /// Prediction steps N_p [MCF, Table II].
 pub const STEPS: usize = 25;
-/// Length T of a prediction step \[s\]; ours. A shorter horizon than 2.5 s gets stuck behind obstacles.
+/// Length T of a prediction step \[s\]; ours. A horizon below 2.5 s gets stuck behind obstacles.
 pub const STEP_S: f64 = 0.1;
 /// Runge-Kutta steps per prediction step.
 const SUBSTEPS: usize = 2;

@@ -7,7 +7,8 @@ use crate::history::seconds_between;
 use crate::observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind};
 use crate::potential::{self, RadialModel, SafeDistance};
 
-/// An obstacle's lateral motion is believed to fade with this time constant \[s\]: lane changes end.
+/// An obstacle's lateral motion is believed to fade with this time constant \[s\]: lane changes
+/// end.
 const LATERAL_FADE_S: f64 = 0.7;
 /// A side counts as passable when its passing line is off the road by no more than this \[m\].
 const PASSABLE_TOLERANCE_M: f64 = 0.3;

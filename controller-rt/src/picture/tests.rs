@@ -153,7 +153,7 @@ fn obstacles_are_lost_after_200_ms_and_cleared_by_an_empty_page() {
     assert_eq!(pages(&picture), [0; 0]);
 }
 
-/// Pages that are obstacles to `truck`, at X = 0, which hears `links`; truck k is `places[k]` ahead.
+/// Pages that are obstacles to `truck` at X = 0, which hears `links`; truck k is at `places[k]`.
 fn in_the_way(truck: u8, links: &[u8], places: [f64; 4]) -> Vec<usize> {
     let members = (0..4).map(|index| match member(index, index, NOW_NS) {
         Message::Obstacle(seen) => {

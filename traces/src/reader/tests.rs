@@ -140,14 +140,15 @@ fn a_flipped_byte_anywhere_never_loses_a_message_without_a_word() {
 
 #[test]
 fn one_damaged_chunk_costs_no_other() {
-    let bytes = part("chunks", 2_000);
+    // More than three times the size at which a chunk is closed, however fast it is written.
+    let bytes = part("chunks", 12_000);
     let spans = Reader::from_bytes(bytes.clone()).expect("MCAP").layout.spans;
     assert!(spans.len() >= 3, "{} chunks", spans.len());
     let mut damaged = bytes;
     let middle = spans[1];
     damaged[(middle.offset + middle.length / 2) as usize] ^= 0xff;
     let (messages, records, loss) = read_out(damaged).expect("MCAP");
-    assert!(messages > 0 && messages < 8_000 && messages == records);
+    assert!(messages > 0 && messages < 48_000 && messages == records);
     assert_eq!((loss.chunks, loss.bytes, loss.is_truncated), (1, middle.length, false));
 }
 

@@ -68,12 +68,12 @@ fn cost(
             sum += cal.lml.s[i] * plan[block(k)][i].powi(2);
         }
     }
-    let mut before = request.applied;
+    let (mut before, mut share) = (request.applied, request.interval_s / STEP_S);
     for block in plan {
         for i in 0..2 {
-            sum += cal.lml.r[i] * (block[i] - before[i]).powi(2);
+            sum += share * cal.lml.r[i] * (block[i] - before[i]).powi(2);
         }
-        before = *block;
+        (before, share) = (*block, 1.0);
     }
     sum
 }

@@ -22,7 +22,7 @@ pub const ITERATIONS_MAX: u32 = 100;
 
 /// A violation below this, relative to the limit, counts as rounding.
 const VIOLATION_MIN: f64 = 1e-10;
-/// A normal whose part outside the working set's span is smaller than this, relatively, depends on it.
+/// A normal whose part outside the working set's span is relatively smaller depends on the set.
 const INDEPENDENCE_MIN: f64 = 1e-9;
 
 type Vector = SVector<f64, VARIABLES>;
