@@ -6,8 +6,8 @@
 //!
 //! Rust types map to protobuf as follows: `u8`, `u16`, `u32` to `uint32`; `u64` to `uint64`;
 //! `i32`, `i64` to `int32`, `int64`; `bool`, `f32`, `f64` to `bool`, `float`, `double`; `String` to
-//! `string`; [`Snapshot`](crate::Snapshot) to `bytes`; arrays of numbers to packed repeated fields; lists
-//! and vectors of records to repeated messages. As in proto3, a zero is not written.
+//! `string`; [`Snapshot`](crate::Snapshot) to `bytes`; arrays of numbers to packed repeated fields;
+//! lists and vectors of records to repeated messages. As in proto3, a zero is not written.
 
 use prost_types::field_descriptor_proto::{Label, Type};
 use prost_types::{
