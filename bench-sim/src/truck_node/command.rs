@@ -152,7 +152,9 @@ impl CommandWatch {
     /// Widens the range by one command, before it is clipped.
     ///
     /// The time between two commands is that between the ticks they answer or between the ticks
-    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far.
+    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. After a
+    /// pause the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
+    /// answer a state that is a tick old; so a late or skipping answer is given one tick more.
     fn measure(&mut self, asked: &Command, answers: u32, tick: u32) {
         let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
         self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
@@ -161,7 +163,8 @@ impl CommandWatch {
             return;
         };
         let ticks = (answers - last_answers).max(tick.saturating_sub(last_tick)).max(1);
-        let span_s = f64::from(ticks) * self.tick_period_s;
+        let uncertain = u32::from(ticks > 1 || answers < tick);
+        let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let rate = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0) / span_s;
         let force = rate(asked.force_n - self.newest.force_n, FORCE_LSB_N);
@@ -272,6 +275,15 @@ mod tests {
         let rate = watch.range().force_rate_nps;
         assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
         assert_eq!(counts.late, 1);
+    }
+
+    #[test]
+    fn a_pause_of_the_machine_does_not_look_like_a_fast_actuator() {
+        // Thirteen ticks passed in the ECU, which answers the state of the twelfth.
+        let mut watch = CommandWatch::new(MS);
+        watch.accept(&actuation(1, 0.0, 0.0), 1, &mut NodeCounts::default());
+        watch.accept(&actuation(13, 13.0 * 57.6, 0.0), 13, &mut NodeCounts::default());
+        assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
     }
 
     #[test]
