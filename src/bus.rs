@@ -1,6 +1,6 @@
 //! Which bus a run uses, and opening one's end of it.
 
-use platoon_dbc::{Backend, Bus, OpenError, PortLease, SocketCan, Udp, UdpOptions};
+use platoon_dbc::{Bus, OpenError, PortLease, SocketCan, Udp, UdpOptions};
 use vcan_setup::can::{self, Vcan};
 
 use crate::cli::{BusKind, BusPlace};
@@ -247,7 +247,6 @@ fn named_interfaces(place: &BusPlace, trucks: usize) -> Result<Vec<String>, Fail
 /// Listens for a moment, to keep out of somebody else's bus.
 fn carries_traffic(name: &str) -> Result<bool, Failure> {
     let mut bus = SocketCan::open(name).map_err(Failure::cannot_start)?;
-    debug_assert_eq!(bus.backend(), Backend::Socketcan);
     bus.wait(std::time::Duration::from_millis(LISTEN_MS))
         .map_err(|error| Failure::cannot_start(format!("interface {name}: {error}")))
 }

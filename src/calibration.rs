@@ -46,10 +46,8 @@ pub fn from_file(path: Option<&Path>) -> Result<Calibration, Failure> {
 }
 
 /// The paper's law as asked for, ready for an ECU.
-pub fn controller(mut calibration: Calibration, options: &LawArgs) -> Box<dyn Controller> {
-    if let Some(reading) = options.delay_reading {
-        calibration.ucl.delay_reading = reading.into();
-    }
+pub fn controller(calibration: Calibration, options: &LawArgs) -> Box<dyn Controller> {
+    let calibration = options.applied_to(calibration);
     match options.solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
         SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),

@@ -107,6 +107,14 @@ pub struct LawArgs {
 }
 
 impl LawArgs {
+    /// The calibration with what these options say about it.
+    pub fn applied_to(&self, mut calibration: law::Calibration) -> law::Calibration {
+        if let Some(reading) = self.delay_reading {
+            calibration.ucl.delay_reading = reading.into();
+        }
+        calibration
+    }
+
     /// The same options for another process.
     pub fn as_arguments(&self) -> Vec<String> {
         let reading = self.delay_reading.map(|reading| ["--delay-reading", reading.word()]);

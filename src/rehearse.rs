@@ -73,10 +73,8 @@ impl<'a> Plan<'a> {
             check_parent("--json", path)?;
         }
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
-        let mut calibration = calibration::from_table(&scenario.name, &scenario.law)?;
-        if let Some(reading) = args.law_options.delay_reading {
-            calibration.ucl.delay_reading = reading.into();
-        }
+        let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+        let calibration = args.law_options.applied_to(calibration);
         let plan = Self { args, scenario, calibration };
         let trucks = plan.trucks();
         let known = |truck: u8| usize::from(truck) < trucks;
