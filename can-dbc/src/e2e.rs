@@ -7,6 +7,7 @@
 //! The Data ID is never sent: a frame that takes another message's place fails its CRC.
 
 use crc::{CRC_16_IBM_3740, Crc, Table};
+use serde::{Deserialize, Serialize};
 
 /// Bytes taken by the protection at the start of the payload.
 pub const HEADER_LENGTH: usize = 3;
@@ -54,14 +55,14 @@ pub enum Continuity {
 }
 
 /// Watches the alive counter of one message from one sender.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Supervisor {
     last: Option<u8>,
     counts: SupervisorCounts,
 }
 
 /// Totals of a [`Supervisor`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SupervisorCounts {
     /// Frames judged, whatever the judgement.
     pub seen: u64,

@@ -32,6 +32,7 @@ pub mod e2e;
 mod frame;
 mod messages;
 pub mod probe;
+mod profile;
 mod time;
 
 pub use bus::{
@@ -44,6 +45,7 @@ pub use codec::{
 };
 pub use frame::{Frame, FrameError, FrameFlags};
 pub use messages::*;
+pub use profile::{Decoder, Encoder, Heard, Profile, Refusal, UnknownProfile, Vehicle};
 pub use time::Clock;
 
 /// The text of `platoon.dbc`, to be attached to recordings and handed to other tools.

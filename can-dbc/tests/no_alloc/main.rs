@@ -1,7 +1,8 @@
 //! Encoding, decoding, sending and receiving take no memory from the heap.
 
 use platoon_dbc::{
-    Bus, EgoState, Loopback, Message, PortLease, Udp, UdpOptions, decode_signals, e2e,
+    Actuation, Bus, Decoder, EcuStatus, EgoState, Encoder, Loopback, Message, Mission, Obstacle,
+    PortLease, Profile, Udp, UdpOptions, V2vOut, V2vState, Vehicle, decode_signals, e2e,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -73,4 +74,34 @@ fn a_cycle_over_udp_allocates_nothing() {
         Udp::join(options).expect("multicast on the loopback interface")
     });
     assert_eq!(allocations(|| exchange(&mut here, &mut there)), 0);
+}
+
+#[test]
+fn encoders_and_decoders_of_every_profile_allocate_nothing() {
+    let messages = [
+        Message::EgoState(EgoState::default()),
+        Message::Actuation(Actuation::default()),
+        Message::V2vState(V2vState::default()),
+        Message::V2vOut(V2vOut::default()),
+        Message::Obstacle(Obstacle::default()),
+        Message::Mission(Mission::default()),
+        Message::EcuStatus(EcuStatus::default()),
+    ];
+    for profile in Profile::ALL {
+        let mut encoder = Encoder::new(profile, Vehicle::default());
+        let mut decoder = Decoder::new(profile, Vehicle::default());
+        let mut heard = 0;
+        let allocated = allocations(|| {
+            for time_ns in (0..1_000_000_000).step_by(10_000_000) {
+                encoder.note_actuators(-1500.0, 0.01);
+                for message in &messages {
+                    let mut hear = |frame: &_| {
+                        heard += usize::from(decoder.take(frame).expect("sound").message.is_some());
+                    };
+                    encoder.encode(message, time_ns, &mut hear).expect("in range");
+                }
+            }
+        });
+        assert_eq!((allocated, heard), (0, 100 * messages.len()), "{profile}");
+    }
 }
