@@ -10,6 +10,8 @@
 //! - *Clearance*: least distance between the truck's box and the box of an obstacle that is present
 //!   and must not be touched; negative is the depth of an overlap. *Gap*: the same to other trucks.
 //! - *Lane crossing*: the CG passes the line between the lanes and gets 0.2 m beyond it.
+//! - *Off centre*: lateral distance to the desired line from 10 s after the truck has come back from
+//!   passing until it leaves its lane again.
 //! - *Passed*: the truck was behind the obstacle when that appeared, and its rear is ahead of the
 //!   obstacle's front at the end.
 //! - Forces and steering: the larger of what the ECU asked for and what the actuators were told.
@@ -31,6 +33,8 @@ pub(crate) use judge::judge;
 
 /// How far beyond the line between the lanes a crossing counts \[m\].
 const CROSSING_MARGIN_M: f64 = 0.2;
+/// How long a truck that has come back to its lane may take to find its centre \[ns\].
+const CENTRING_NS: u64 = 10_000_000_000;
 
 /// How one truck did.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -71,6 +75,8 @@ pub struct TruckResult {
     pub final_speed_mps: f64,
     /// How often the CG crossed the line between the lanes.
     pub lane_crossings: u32,
+    /// Furthest from its desired line once it is back from passing \[m\]; `None` when it never was.
+    pub max_abs_off_centre_m: Option<f64>,
     /// Numbers of the obstacles it passed.
     pub passed_obstacles: Vec<usize>,
     /// How often it lost its ECU's commands.
@@ -111,6 +117,7 @@ pub(crate) struct Metrics {
     spacing_m: f64,
     set_speed_mps: f64,
     lane_line_m: f64,
+    desired_y_m: f64,
     position_band_m: f64,
     speed_band_mps: f64,
     gauges: Vec<Gauge>,
@@ -126,6 +133,8 @@ struct Gauge {
     clearance_m: f64,
     gap_m: f64,
     left_of_line: Option<bool>,
+    /// When it last came back to the side of the line it should be on.
+    returned_ns: Option<u64>,
     /// Per obstacle: whether the truck was behind it when it appeared, and is ahead of it now.
     was_behind: [Option<bool>; OBSTACLES_MAX],
     is_ahead: [bool; OBSTACLES_MAX],
@@ -137,6 +146,7 @@ impl Metrics {
             spacing_m: scenario.platoon.spacing_m,
             set_speed_mps: scenario.platoon.speed_mps,
             lane_line_m: 0.5 * scenario.road.lane_width_m,
+            desired_y_m: scenario.platoon.desired_y_m,
             position_band_m: scenario.criteria.settled_position_band_m,
             speed_band_mps: scenario.criteria.settled_speed_band_mps,
             gauges: (0..scenario.platoon.trucks).map(Gauge::new).collect(),
@@ -183,7 +193,9 @@ impl Metrics {
         if (state.forward_mps - self.set_speed_mps).abs() > self.speed_band_mps {
             gauge.outside_speed_ns = Some(seen.time_ns);
         }
-        gauge.sample_line(state.y_m - self.lane_line_m);
+        let (beyond_m, own_m) = (state.y_m - self.lane_line_m, self.desired_y_m - self.lane_line_m);
+        gauge.sample_line(seen.time_ns, beyond_m, own_m);
+        gauge.sample_centring(seen.time_ns, state.y_m - self.desired_y_m);
         let r = &mut gauge.result;
         r.max_abs_leader_error_m = r.max_abs_leader_error_m.max(leader_m.abs());
         r.max_abs_predecessor_error_m = r.max_abs_predecessor_error_m.max(predecessor_m.abs());
@@ -225,13 +237,14 @@ impl Gauge {
             clearance_m: f64::INFINITY,
             gap_m: f64::INFINITY,
             left_of_line: None,
+            returned_ns: None,
             was_behind: [None; OBSTACLES_MAX],
             is_ahead: [false; OBSTACLES_MAX],
         }
     }
 
-    /// Counts crossings; `beyond_m` is how far left of the line the CG is.
-    fn sample_line(&mut self, beyond_m: f64) {
+    /// Counts crossings; `beyond_m` is how far left of the line the CG is, `own_m` where it should be.
+    fn sample_line(&mut self, time_ns: u64, beyond_m: f64, own_m: f64) {
         match self.left_of_line {
             None => self.left_of_line = Some(beyond_m > 0.0),
             Some(left) => {
@@ -239,8 +252,17 @@ impl Gauge {
                 if margin_m > CROSSING_MARGIN_M {
                     self.left_of_line = Some(!left);
                     self.result.lane_crossings += 1;
+                    self.returned_ns = (beyond_m * own_m > 0.0).then_some(time_ns);
                 }
             }
+        }
+    }
+
+    /// `off_m` is how far left of its desired line the CG is.
+    fn sample_centring(&mut self, time_ns: u64, off_m: f64) {
+        if self.returned_ns.is_some_and(|returned_ns| time_ns > returned_ns + CENTRING_NS) {
+            let worst = &mut self.result.max_abs_off_centre_m;
+            *worst = Some(worst.unwrap_or(0.0).max(off_m.abs()));
         }
     }
 

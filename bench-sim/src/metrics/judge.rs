@@ -81,6 +81,12 @@ fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
             judged.push(Criterion::at_most(name, limit, worst));
         }
     }
+    if let Some(limit) = limits.max_off_centre_m {
+        let off = trucks.iter().filter_map(|t| t.max_abs_off_centre_m);
+        // A truck that never passed anything cannot be off centre after passing.
+        let worst = off.max_by(f64::total_cmp).unwrap_or(0.0);
+        judged.push(Criterion::at_most("max_off_centre_m", limit, Some(worst)));
+    }
 }
 
 fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {

@@ -58,6 +58,19 @@ fn lane_crossings_ignore_a_wobble_on_the_line() {
 }
 
 #[test]
+fn a_truck_is_off_centre_only_after_it_came_back_and_had_time() {
+    let at = |y_m| platoon([0.0; 4], y_m, 18.0);
+    let never = measure(&[0.0, 0.5, 0.5].map(at), &[]);
+    assert_eq!(never[0].max_abs_off_centre_m, None);
+    // One sample a second: away at 1 s, back at 2 s, judged from 13 s on.
+    let mut path = vec![0.0, 3.75];
+    path.extend([0.6; 11]);
+    path.extend([0.1, -0.2, 0.1, 3.0, 3.0]);
+    let results = measure(&path.into_iter().map(at).collect::<Vec<_>>(), &[]);
+    assert_eq!(results[0].max_abs_off_centre_m, Some(0.2));
+}
+
+#[test]
 fn gaps_and_clearances_are_between_boxes() {
     let mut van = scenario().obstacles[0];
     (van.x_m, van.y_m, van.speed_mps) = (0.0, 3.75, 0.0);

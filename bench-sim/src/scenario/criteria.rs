@@ -37,6 +37,10 @@ pub struct Criteria {
     /// Numbers of the obstacles every truck must have passed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub passed_obstacles: Vec<usize>,
+    /// Furthest from its desired line that a CG may be, from 10 s after it came back from passing
+    /// \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_off_centre_m: Option<f64>,
     /// Furthest right a CG may go \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_y_m: Option<f64>,
@@ -77,6 +81,7 @@ impl Default for Criteria {
             max_lateral_accel_mps2: None,
             lane_crossings: None,
             passed_obstacles: Vec::new(),
+            max_off_centre_m: None,
             min_y_m: None,
             max_y_m: None,
             min_force_n: None,

@@ -142,6 +142,7 @@ impl<'a> Checker<'a> {
             ("max_lateral_accel_mps2", c.max_lateral_accel_mps2, 0.0),
             ("min_y_m", c.min_y_m, -1e6),
             ("max_y_m", c.max_y_m, -1e6),
+            ("max_off_centre_m", c.max_off_centre_m, 0.0),
             ("min_force_n", c.min_force_n, -1e6),
             ("max_force_n", c.max_force_n, -1e6),
             ("max_force_rate_nps", c.max_force_rate_nps, 0.0),

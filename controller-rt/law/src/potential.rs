@@ -68,6 +68,19 @@ pub struct RadialModel {
     pub along_y: f64,
 }
 
+impl RadialModel {
+    /// The same model of a potential `share` times as strong.
+    #[must_use]
+    pub fn scaled(self, share: f64) -> Self {
+        Self {
+            value: share * self.value,
+            slope: share * self.slope,
+            curvature: share * self.curvature,
+            ..self
+        }
+    }
+}
+
 /// The potential of an obstacle at distance (`dx_m`, `dy_m`) = truck - obstacle.
 ///
 /// Exactly on top of the obstacle the truck is pushed backwards.

@@ -4,7 +4,7 @@
 
 use crate::calibration::{LmlCalibration, TruckBelief};
 use crate::history::seconds_between;
-use crate::observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind};
+use crate::observation::{Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind};
 use crate::potential::{self, RadialModel, SafeDistance};
 
 /// An obstacle's lateral motion is believed to fade with this time constant \[s\]: lane changes
@@ -18,6 +18,9 @@ const ABREAST_M: core::ops::Range<f64> = -6.5..9.5;
 const BESIDE_M: f64 = 1.2;
 /// Lateral distances at which a truck behind an obstacle is steered to its left \[m\].
 const CHOOSE_LEFT_M: core::ops::Range<f64> = -2.6..0.15;
+/// Beyond the passing distance, the potential of an obstacle beside the truck's own path fades to
+/// nothing over this \[m\].
+const FADE_M: f64 = 0.5;
 
 /// Limits on the CG's position at one predicted instant; infinite where there is none.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +48,8 @@ struct Threat {
     /// Seconds from its measurement to now.
     age_s: f64,
     safe: SafeDistance,
+    /// Where the truck would drive if there were no obstacles.
+    desired_y_m: f64,
     left_passable: bool,
     right_passable: bool,
     /// The truck is behind it now, not yet abreast.
@@ -59,7 +64,7 @@ impl Surroundings {
         for (threat, obstacle) in surroundings.threats.iter_mut().zip(seen.obstacles) {
             *threat = obstacle.map(|obstacle| {
                 let age_s = seconds_between(obstacle.time_ns, seen.time_ns).max(0.0);
-                Threat::new(cal, &seen.ego, obstacle, age_s, (y_min_m, y_max_m))
+                Threat::new(cal, seen, obstacle, age_s, (y_min_m, y_max_m))
             });
         }
         surroundings
@@ -101,15 +106,17 @@ fn lateral_limits(cal: &LmlCalibration, truck: &TruckBelief, mission: &Mission) 
 impl Threat {
     fn new(
         cal: &LmlCalibration,
-        ego: &Ego,
+        seen: &Observation,
         obstacle: Obstacle,
         age_s: f64,
         (y_min_m, y_max_m): (f64, f64),
     ) -> Self {
+        let ego = &seen.ego;
         let mut threat = Self {
             obstacle,
             age_s,
             safe: SafeDistance { x_m: cal.x_0_m, y_m: cal.y_0_m },
+            desired_y_m: seen.mission.desired_y_m,
             left_passable: obstacle.y_m + cal.passing_distance_m <= y_max_m + PASSABLE_TOLERANCE_M,
             right_passable: obstacle.y_m - cal.passing_distance_m >= y_min_m - PASSABLE_TOLERANCE_M,
             truck_behind: false,
@@ -157,7 +164,28 @@ impl Threat {
     fn potential(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, ahead_s: f64) -> RadialModel {
         let (x, y) = self.position(ahead_s);
         let (dx, dy) = (x_m - x, y_m - y);
-        potential::obstacle(cal, self.obstacle.kind, self.safe, dx, self.side(dx, dy))
+        let model = potential::obstacle(cal, self.obstacle.kind, self.safe, dx, self.side(dx, dy));
+        model.scaled(self.presence(cal, self.desired_y_m - y, dy))
+    }
+
+    /// Share of the potential that is felt at lateral distance `dy_m` when the truck's own path is
+    /// at `path_m` from the obstacle.
+    ///
+    /// The potential alone pushes a truck that is back in its lane half a metre off its centre for
+    /// as long as a slow obstacle is abreast in the other lane. An obstacle that neither the truck
+    /// nor its path comes nearer than the passing distance is no concern of theirs.
+    ///
+    /// The share is a weight and frozen over the QP, like Eq. 20's distances. Differentiated with
+    /// the potential it would be a cliff: measured, it throws trucks that come back from the other
+    /// lane (steering peak up by 40 %).
+    fn presence(&self, cal: &LmlCalibration, path_m: f64, dy_m: f64) -> f64 {
+        let same_side = path_m * dy_m > 0.0;
+        if !same_side || path_m.abs() < cal.passing_distance_m {
+            return 1.0;
+        }
+        let near = 1.0 - (dy_m.abs() - cal.passing_distance_m) / FADE_M;
+        let near = near.clamp(0.0, 1.0);
+        near * near * (3.0 - 2.0 * near)
     }
 
     /// Keep-out rows beside the obstacle, gap row behind it.

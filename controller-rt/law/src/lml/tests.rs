@@ -78,11 +78,12 @@ fn cost(
     sum
 }
 
-/// A van in the next lane: far enough to the side that no passing rule bends its potential.
+/// A van half in the next lane: far enough to the side that no passing rule bends its potential,
+/// near enough to the truck's own path to be felt whole.
 fn van() -> Obstacle {
     Obstacle {
         x_m: 120.0,
-        y_m: 3.75,
+        y_m: 2.7,
         vx_mps: 15.0,
         length_m: 6.0,
         width_m: 2.2,

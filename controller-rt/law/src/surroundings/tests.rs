@@ -1,4 +1,5 @@
 use super::*;
+use crate::observation::Ego;
 
 fn seen(ego_x_m: f64, ego_y_m: f64, obstacle: Obstacle) -> Observation {
     let mut obstacles = [None; OBSTACLES_MAX];
@@ -85,4 +86,32 @@ fn an_obstacle_moves_on_while_its_message_ages() {
     // 0.2 s old and 1 s ahead at 15 m/s: the gap row has moved by 18 m, and fades out of the way.
     let limits = surroundings(&aged).limits(&cal, 20.0, 3.0, 1.0);
     assert!((limits.x_max_m - (50.0 + 18.0 - 9.0)).abs() < 1e-9);
+}
+
+#[test]
+fn an_obstacle_beside_the_trucks_own_path_is_felt_only_where_it_is_too_near() {
+    let cal = LmlCalibration::default();
+    let at = |y_m: f64| {
+        let seen = seen(45.0, y_m, van(3.75));
+        surroundings(&seen).potentials(&cal, 45.0, y_m, 0.0).next().expect("one")
+    };
+    // Back in its lane the truck feels nothing of a van in the other one; nearer than the passing
+    // distance all of it, and it grows without a jump in between.
+    assert_eq!((at(0.0).slope, at(0.0).curvature), (0.0, 0.0));
+    let whole = |y_m: f64| {
+        let safe = SafeDistance::new(&cal, 18.0, 3.0, 0.0);
+        potential::obstacle(&cal, ObstacleKind::Vehicle, safe, -5.0, y_m - 3.75)
+    };
+    assert_eq!(at(1.0 + 1e-9).slope, whole(1.0 + 1e-9).slope);
+    let jump = |y_m: f64| (at(y_m + 1e-7).slope - at(y_m - 1e-7).slope).abs();
+    assert!(jump(0.5) < 1.0 && jump(1.0) < 1.0);
+    assert!(at(0.75).slope < 0.0 && at(0.75).slope > whole(0.75).slope);
+}
+
+#[test]
+fn an_obstacle_in_the_trucks_own_path_is_felt_from_the_other_lane() {
+    let cal = LmlCalibration::default();
+    let seen = seen(45.0, 3.75, van(0.0));
+    let model = surroundings(&seen).potentials(&cal, 45.0, 3.75, 0.0).next().expect("one");
+    assert!(model.slope < 0.0);
 }
