@@ -100,7 +100,7 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
             ends.push(Box::new(rig_end));
             hosted.push(host(args, calibration, &folder, truck, ecu_end, &stop)?);
         } else {
-            ends.push(bus.open(truck)?);
+            ends.push(bus.open_for_rig(truck)?);
         }
     }
     let names = process::bus_names(&ends);

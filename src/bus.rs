@@ -198,6 +198,18 @@ impl BusChoice {
     /// # Errors
     /// What the back-end says, with the remedy.
     pub fn open(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
+        self.open_end(truck, false)
+    }
+
+    /// Opens the rig's end of a truck's bus, which hears its own frames too: it records the bus.
+    ///
+    /// # Errors
+    /// What the back-end says, with the remedy.
+    pub fn open_for_rig(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
+        self.open_end(truck, true)
+    }
+
+    fn open_end(&self, truck: u8, echoes: bool) -> Result<Box<dyn Bus>, Failure> {
         let opened: Result<Box<dyn Bus>, OpenError> = match &self.kind {
             Chosen::SocketCan { interfaces } => {
                 // A single interface given to a lone ECU is that truck's, whatever its number.
@@ -211,13 +223,15 @@ impl BusChoice {
                         ))
                     })?,
                 };
-                SocketCan::open(&name).map(|bus| Box::new(bus) as _)
+                let bus = SocketCan::open(&name);
+                let bus = if echoes { bus.and_then(SocketCan::with_echo) } else { bus };
+                bus.map(|bus| Box::new(bus) as _)
             }
             Chosen::Udp { port, .. } => {
                 let tag = format!("truck{truck}");
                 let group = Udp::group_of_bus(truck);
                 Udp::join(UdpOptions { group, port: *port, tag: &tag })
-                    .map(|bus| Box::new(bus) as _)
+                    .map(|bus| Box::new(if echoes { bus.with_echo() } else { bus }) as _)
             }
             Chosen::Loopback => {
                 return Err(Failure::usage("the loopback bus has no end outside its process"));

@@ -113,7 +113,8 @@ impl Rig {
     /// A rig at the start of a scenario; bus i is truck i's.
     ///
     /// Equal seeds give equal V2V delays, losses and sensor noise. The recorder takes every frame
-    /// from [`Rig::start`] on, and the world's truth every 10 ms of bench time.
+    /// from [`Rig::start`] on (and, on buses that echo, those before it, as at bench time 0), and
+    /// the world's truth every 10 ms of bench time.
     ///
     /// # Errors
     /// When the number of buses is not the number of trucks, or the loop rate is impossible.
@@ -132,6 +133,7 @@ impl Rig {
             return Err(RigError::Rate { rate_hz: loop_rate_hz });
         }
         let grid = Grid::new(loop_rate_hz);
+        let keeps_early = buses.iter().any(|bus| bus.echoes());
         let node = |(truck, bus)| TruckNode::new(truck, bus, grid.tick_ns());
         Ok(Self {
             trucks: (0..count).map(|truck| truck_at_start(scenario, truck)).collect(),
@@ -142,7 +144,7 @@ impl Rig {
             snapshots: vec![Snapshot::default(); count],
             channel: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
             metrics: Metrics::new(scenario),
-            tap: Tap { recorder, open: false, time_ns: 0, tick: 0 },
+            tap: Tap::new(recorder, keeps_early),
             due: Due::default(),
             steps: 0,
             published: None,
@@ -161,10 +163,15 @@ impl Rig {
 
     /// Reads the buses; true once every ECU has said that it is ready.
     pub fn ready(&mut self) -> bool {
+        self.listen();
+        self.silent_trucks().next().is_none()
+    }
+
+    /// Reads the buses outside of the run: what is said there is recorded, but moves no truck.
+    pub fn listen(&mut self) {
         for node in &mut self.nodes {
             node.drain(&mut self.tap, |_| {});
         }
-        self.silent_trucks().next().is_none()
     }
 
     /// Trucks whose ECU has not said yet that it is ready.
@@ -179,7 +186,7 @@ impl Rig {
         for node in &mut self.nodes {
             node.begin(self.grid.tick_ns());
         }
-        self.tap.open = true;
+        self.tap.open();
         self.run_state = RunState::Running;
         self.measure();
         self.take_snapshots();
@@ -264,6 +271,9 @@ impl Rig {
 
     /// Gives the recorder back, to be finished.
     pub fn take_recorder(&mut self) -> Option<Recorder> {
+        for node in &mut self.nodes {
+            node.give_up_waiting(&mut self.tap);
+        }
         self.tap.recorder.take()
     }
 

@@ -5,15 +5,19 @@
 //! effect.
 
 mod command;
+mod tap;
 
 use platoon_dbc::e2e::{Continuity, Supervisor};
-use platoon_dbc::{Bus, DecodeError, EcuMode, Message, V2vOut};
+use platoon_dbc::{Bus, DecodeError, EcuMode, Message, Received, V2vOut};
 use serde::{Deserialize, Serialize};
-use traces::{FrameRecord, Recorder};
+use traces::FrameRecord;
 
 pub(crate) use command::{CommandRange, CommandWatch};
+pub(crate) use tap::Tap;
+use tap::Waiting;
 
-/// Frames read from one bus per wake-up; the rest waits for the next one.
+/// Frames of others, and as many echoes, read from one bus per wake-up; the rest waits for the
+/// next one.
 const DRAIN_MAX: usize = 256;
 
 /// Messages of the contract.
@@ -54,33 +58,17 @@ pub struct NodeCounts {
     pub send_failed: u64,
     /// Messages not sent because a value does not fit its signal.
     pub not_encodable: u64,
-}
-
-/// Records what passes the nodes, with the time it passes.
-pub(crate) struct Tap {
-    /// Where to, if anywhere; `None` until the run starts.
-    pub(crate) recorder: Option<Recorder>,
-    /// Whether anything is recorded yet.
-    pub(crate) open: bool,
-    /// Bench time \[ns\].
-    pub(crate) time_ns: u64,
-    /// Newest tick published.
-    pub(crate) tick: u32,
-}
-
-impl Tap {
-    fn frame(&mut self, bus: usize, tx: bool, stamp_ns: u64, frame: platoon_dbc::Frame) {
-        let (bus, time_ns, tick) = (bus as u8, self.time_ns, self.tick);
-        if let Some(recorder) = self.recorder.as_mut().filter(|_| self.open) {
-            recorder.push(FrameRecord { bus, time_ns, stamp_ns, tick, tx, frame });
-        }
-    }
+    /// Frames sent whose echo did not come back; recorded with the time they were sent.
+    pub unechoed: u64,
+    /// Frames of the time before the run that the recording had no room for.
+    pub unrecorded: u64,
 }
 
 /// The rig's attachment to the bus of one truck.
 pub(crate) struct TruckNode {
     truck: usize,
     bus: Box<dyn Bus>,
+    waiting: Waiting,
     alive: [u8; MESSAGES],
     supervisors: [Supervisor; MESSAGES],
     /// The command this truck obeys.
@@ -95,6 +83,7 @@ impl TruckNode {
     pub(crate) fn new(truck: usize, bus: Box<dyn Bus>, tick_period_ns: u64) -> Self {
         Self {
             truck,
+            waiting: Waiting::new(bus.echoes()),
             bus,
             alive: [0; MESSAGES],
             supervisors: [Supervisor::new(); MESSAGES],
@@ -111,7 +100,8 @@ impl TruckNode {
 
     /// Forgets what came before the run.
     pub(crate) fn begin(&mut self, tick_period_ns: u64) {
-        self.counts = NodeCounts::default();
+        let unrecorded = self.counts.unrecorded;
+        self.counts = NodeCounts { unrecorded, ..NodeCounts::default() };
         self.watch = CommandWatch::new(tick_period_ns);
     }
 
@@ -130,7 +120,7 @@ impl TruckNode {
         self.bus.set_bench_time(tap.time_ns);
         if self.bus.send(&frame).is_ok() {
             *alive = alive.wrapping_add(1);
-            tap.frame(self.truck, true, 0, frame);
+            self.sent(tap.record(self.truck, true, 0, frame), tap);
         } else {
             self.counts.send_failed += 1;
         }
@@ -139,16 +129,20 @@ impl TruckNode {
     /// Reads the bus and acts on every frame that passes its checks; broadcasts of the truck's
     /// radio go to `radio`.
     pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&V2vOut)) {
-        for _ in 0..DRAIN_MAX {
-            let received = match self.bus.receive() {
-                Ok(Some(received)) => received,
-                Ok(None) => return,
-                Err(_) => {
-                    self.counts.receive_failed += 1;
-                    return;
-                }
-            };
-            tap.frame(self.truck, false, received.stamp_ns, received.frame);
+        while let Some(record) = self.waiting.overdue(tap.time_ns) {
+            self.unechoed(record, tap);
+        }
+        let (mut heard, mut echoed) = (0, 0);
+        while heard < DRAIN_MAX && echoed < DRAIN_MAX {
+            let Some(received) = self.receive() else { return };
+            if received.own {
+                echoed += 1;
+                self.echoed(&received, tap);
+                continue;
+            }
+            heard += 1;
+            let record = tap.record(self.truck, false, received.stamp_ns, received.frame);
+            self.record(record, tap);
             match self.check(Message::decode(&received.frame)) {
                 Some(Message::Actuation(command)) => {
                     self.watch.accept(&command, tap.tick, &mut self.counts);
@@ -159,6 +153,46 @@ impl TruckNode {
             }
         }
         self.counts.drain_cut += 1;
+    }
+
+    /// Records the frames whose echo has not come, at the end of a run.
+    pub(crate) fn give_up_waiting(&mut self, tap: &mut Tap) {
+        while let Some(record) = self.waiting.given_up() {
+            self.unechoed(record, tap);
+        }
+    }
+
+    /// The next frame waiting, if the bus can be read.
+    fn receive(&mut self) -> Option<Received> {
+        self.bus.receive().unwrap_or_else(|_| {
+            self.counts.receive_failed += 1;
+            None
+        })
+    }
+
+    /// A frame was sent: it is recorded now, or when its echo comes.
+    fn sent(&mut self, record: FrameRecord, tap: &mut Tap) {
+        if !self.bus.echoes() {
+            self.record(record, tap);
+        } else if let Some(oldest) = self.waiting.sent(record) {
+            self.unechoed(oldest, tap);
+        }
+    }
+
+    /// An echo of a frame that is recorded already, because it took too long, changes nothing.
+    fn echoed(&mut self, echo: &Received, tap: &mut Tap) {
+        if self.waiting.heard(&echo.frame) {
+            self.record(tap.record(self.truck, true, echo.stamp_ns, echo.frame), tap);
+        }
+    }
+
+    fn unechoed(&mut self, record: FrameRecord, tap: &mut Tap) {
+        self.counts.unechoed += 1;
+        self.record(record, tap);
+    }
+
+    fn record(&mut self, record: FrameRecord, tap: &mut Tap) {
+        self.counts.unrecorded += u64::from(!tap.push(record));
     }
 
     /// A message of the ECU that is whole and new, or `None` and a count.

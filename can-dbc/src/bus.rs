@@ -26,7 +26,7 @@ pub enum Backend {
     Loopback,
 }
 
-/// A frame and when it came.
+/// A frame that was on the bus, and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Received {
     /// The frame.
@@ -34,11 +34,14 @@ pub struct Received {
     /// Kernel receive time, nanoseconds of CLOCK_REALTIME; on a loopback bus the sender's bench
     /// time. 0 when unknown.
     pub stamp_ns: u64,
+    /// Whether this node sent the frame itself and now hears its echo; see [`Bus::echoes`].
+    pub own: bool,
 }
 
 /// One node's attachment to one bus.
 ///
-/// A node never receives what it sent itself. Apart from [`wait`](Self::wait), nothing blocks,
+/// A node receives what it sent itself only where it asked for that (`with_echo` of the back-ends),
+/// and then marked as its own. Apart from [`wait`](Self::wait), nothing blocks,
 /// allocates or retries.
 pub trait Bus: Send {
     /// Kind of the bus.
@@ -46,6 +49,12 @@ pub trait Bus: Send {
 
     /// Name for people: `truck0`, `udp:239.74.163.2:43113`, `loopback0`.
     fn name(&self) -> &str;
+
+    /// Whether every frame sent is received again, as [`Received::own`], once it was on the bus:
+    /// in the order of the bus and with its time.
+    fn echoes(&self) -> bool {
+        false
+    }
 
     /// Hands a frame to the bus.
     ///
@@ -83,6 +92,9 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     fn name(&self) -> &str {
         (**self).name()
     }
+    fn echoes(&self) -> bool {
+        (**self).echoes()
+    }
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {
         (**self).send(frame)
     }
@@ -105,7 +117,7 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
 pub struct BusCounts {
     /// Frames the bus took.
     pub sent: u64,
-    /// Frames received, error frames not included.
+    /// Frames received from others, error frames not included.
     pub received: u64,
     /// Frames refused because the transmit queue was full.
     pub send_full: u64,
@@ -119,7 +131,7 @@ pub struct BusCounts {
     pub malformed: u64,
     /// Datagrams from another machine, dropped.
     pub foreign: u64,
-    /// Own frames that came back, dropped.
+    /// Own frames that came back; passed on where [`Bus::echoes`], else dropped.
     pub own_echo: u64,
     /// Error frames, by kind.
     pub error_frames: ErrorFrameCounts,

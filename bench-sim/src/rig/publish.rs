@@ -104,7 +104,7 @@ impl Rig {
 
     /// Hands the noise-free world to the recorder.
     pub(super) fn record_truth(&mut self) {
-        if self.tap.recorder.is_none() || !self.tap.open {
+        if self.tap.recorder.is_none() || !self.tap.is_open() {
             return;
         }
         let truth = self.truth();

@@ -230,5 +230,6 @@ fn say_goodbye(rig: &mut Rig, clock: &dyn Clock) {
     for _ in 0..3 {
         rig.end();
         clock.sleep_until_ns(clock.now_ns() + FAREWELL_NS);
+        rig.listen();
     }
 }

@@ -23,6 +23,8 @@ pub(super) struct Arrival {
     pub(super) length: usize,
     /// The datagram was longer than the buffer.
     pub(super) is_truncated: bool,
+    /// This very socket sent the frame (SocketCAN only).
+    pub(super) is_own: bool,
     /// Sender, for IPv4 sockets.
     pub(super) sender: Option<SocketAddrV4>,
     /// CLOCK_REALTIME at reception; 0 when the kernel gave none.
@@ -114,6 +116,7 @@ pub(super) fn receive(socket: BorrowedFd<'_>, buffer: &mut [u8]) -> io::Result<O
     let mut arrival = Arrival {
         length,
         is_truncated: message.msg_flags & libc::MSG_TRUNC != 0,
+        is_own: message.msg_flags & libc::MSG_CONFIRM != 0,
         sender: ipv4(&sender),
         ..Arrival::default()
     };

@@ -56,7 +56,7 @@ impl Bus for Loopback {
             self.counts.send_failed += 1;
             return Err(SendError::Down);
         }
-        let received = Received { frame: *frame, stamp_ns: self.bench_time_ns };
+        let received = Received { frame: *frame, stamp_ns: self.bench_time_ns, own: false };
         if self.outbox.push(received).is_err() {
             self.counts.send_full += 1;
             return Err(SendError::BufferFull);

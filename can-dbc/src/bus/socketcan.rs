@@ -34,6 +34,7 @@ const ESI: u8 = 0x02;
 pub struct SocketCan {
     name: String,
     socket: CanFdSocket,
+    echoes: bool,
     drops: DropCounter,
     counts: BusCounts,
 }
@@ -57,7 +58,21 @@ impl SocketCan {
         socket.set_nonblocking(true).map_err(failed("make it non-blocking"))?;
         socket.set_error_filter_accept_all().map_err(failed("ask for error frames"))?;
         kernel_socket::prepare(socket.as_fd()).map_err(failed("ask for receive times"))?;
-        Ok(Self { name, socket, drops: DropCounter::default(), counts: BusCounts::default() })
+        let (drops, counts) = (DropCounter::default(), BusCounts::default());
+        Ok(Self { name, socket, echoes: false, drops, counts })
+    }
+
+    /// Hears its own frames too: on vcan at once, on hardware when they have been transmitted.
+    ///
+    /// # Errors
+    /// [`OpenError`] naming the interface, when the kernel refuses.
+    pub fn with_echo(mut self) -> Result<Self, OpenError> {
+        let refused = |source| {
+            open_error(format!("interface {}", self.name), "ask for its own frames", source)
+        };
+        self.socket.set_recv_own_msgs(true).map_err(refused)?;
+        self.echoes = true;
+        Ok(self)
     }
 
     fn accept(&mut self, arrival: &Arrival, bytes: &[u8; FD_SIZE]) -> Option<Received> {
@@ -68,10 +83,12 @@ impl SocketCan {
         };
         if frame.flags().is_error {
             count_error_frame(&mut self.counts.error_frames, frame.id());
+        } else if arrival.is_own {
+            self.counts.own_echo += 1;
         } else {
             self.counts.received += 1;
         }
-        Some(Received { frame, stamp_ns: arrival.stamp_ns })
+        Some(Received { frame, stamp_ns: arrival.stamp_ns, own: arrival.is_own })
     }
 }
 
@@ -82,6 +99,10 @@ impl Bus for SocketCan {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn echoes(&self) -> bool {
+        self.echoes
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {

@@ -42,6 +42,7 @@ pub struct Udp {
     /// A port of its own, so that its datagrams can be told from those of other nodes.
     sender: UdpSocket,
     own_address: SocketAddrV4,
+    echoes: bool,
     tag: wire::Tag,
     neighbours: Neighbours,
     drops: DropCounter,
@@ -89,6 +90,7 @@ impl Udp {
             receiver,
             sender,
             own_address,
+            echoes: false,
             tag,
             neighbours: Neighbours::default(),
             drops: DropCounter::default(),
@@ -96,23 +98,32 @@ impl Udp {
         })
     }
 
-    /// The frame in a datagram from another node of this machine; anything else is counted.
+    /// Hears its own frames too, in their place among those of the others.
+    #[must_use]
+    pub fn with_echo(mut self) -> Self {
+        self.echoes = true;
+        self
+    }
+
+    /// The frame in a datagram from a node of this machine; anything else is counted.
     fn accept(&mut self, arrival: &Arrival, datagram: &[u8]) -> Option<Received> {
         self.counts.receive_overflow += self.drops.advance(arrival);
         let sender = arrival.sender?;
-        if sender == self.own_address {
+        let own = sender == self.own_address;
+        if own {
             self.counts.own_echo += 1;
-            return None;
-        }
-        if !self.neighbours.is_on_this_machine(*sender.ip()) {
+            if !self.echoes {
+                return None;
+            }
+        } else if !self.neighbours.is_on_this_machine(*sender.ip()) {
             self.counts.foreign += 1;
             return None;
         }
         let frame = if arrival.is_truncated { None } else { wire::unpack(datagram) };
         match frame {
             Some(frame) => {
-                self.counts.received += 1;
-                Some(Received { frame, stamp_ns: arrival.stamp_ns })
+                self.counts.received += u64::from(!own);
+                Some(Received { frame, stamp_ns: arrival.stamp_ns, own })
             }
             None => {
                 self.counts.malformed += 1;
@@ -129,6 +140,10 @@ impl Bus for Udp {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn echoes(&self) -> bool {
+        self.echoes
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), SendError> {

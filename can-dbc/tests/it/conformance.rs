@@ -16,6 +16,23 @@ struct Pair {
     _lease: Option<PortLease>,
 }
 
+/// The same, with the first node hearing itself.
+fn echoing_udp() -> Pair {
+    let lease = PortLease::acquire(46_100).expect("a free port");
+    let join = |tag| {
+        let options = UdpOptions { group: Udp::group_of_bus(4), port: lease.port(), tag };
+        Udp::join(options).expect("multicast on the loopback interface")
+    };
+    let (here, there) = (Box::new(join("here").with_echo()), Box::new(join("there")));
+    Pair { here, there, _lease: Some(lease) }
+}
+
+fn echoing_socketcan() -> Pair {
+    let open = || SocketCan::open("vcan0").expect("vcan0 is up");
+    let here = open().with_echo().expect("the kernel echoes");
+    Pair { here: Box::new(here), there: Box::new(open()), _lease: None }
+}
+
 fn loopback() -> Pair {
     let (here, there) = Loopback::pair("loopback0", 4096);
     Pair { here: Box::new(here), there: Box::new(there), _lease: None }
@@ -198,6 +215,78 @@ fn stamps_do_not_go_back(mut pair: Pair) {
         assert!(stamp_ns >= last && stamp_ns > 0, "{stamp_ns} after {last}");
         last = stamp_ns;
     }
+}
+
+macro_rules! echo_conformance {
+    ($($claim:ident),* $(,)?) => {
+        mod echo_on_udp { $(#[test] fn $claim() { super::$claim(super::echoing_udp()); })* }
+        mod echo_on_socketcan { $(
+            #[test]
+            #[ignore = "needs interface vcan0: a kernel with CAN, and vcan0 up with MTU 72"]
+            fn $claim() { super::$claim(super::echoing_socketcan()); }
+        )* }
+    };
+}
+
+echo_conformance!(
+    what_was_sent_comes_back_as_own_and_unchanged,
+    own_frames_stand_where_they_were_between_those_of_others,
+    an_echo_has_the_time_at_which_others_received_the_frame,
+    only_the_node_that_asked_hears_itself,
+);
+
+fn what_was_sent_comes_back_as_own_and_unchanged(mut pair: Pair) {
+    assert!(pair.here.echoes() && !pair.there.echoes());
+    let frames = all_kinds();
+    for frame in &frames {
+        pair.here.send(frame).expect("room");
+    }
+    for frame in &frames {
+        let echo = receive(&mut *pair.here);
+        assert_eq!((echo.frame, echo.own), (*frame, true));
+        assert!(echo.stamp_ns > 0);
+    }
+    let (counts, sent) = (pair.here.counts(), frames.len() as u64);
+    assert_eq!((counts.sent, counts.own_echo, counts.received), (sent, sent, 0));
+}
+
+fn own_frames_stand_where_they_were_between_those_of_others(mut pair: Pair) {
+    let mut sent = Vec::new();
+    for number in 0..100 {
+        pair.here.send(&numbered(number)).expect("room");
+        sent.push((numbered(number), true));
+        if number % 3 == 0 {
+            pair.there.send(&numbered(1000 + number)).expect("room");
+            sent.push((numbered(1000 + number), false));
+        }
+    }
+    for expected in sent {
+        let seen = receive(&mut *pair.here);
+        assert_eq!((seen.frame, seen.own), expected);
+    }
+}
+
+fn an_echo_has_the_time_at_which_others_received_the_frame(mut pair: Pair) {
+    for number in 0..20 {
+        pair.here.send(&numbered(number)).expect("room");
+        let (echo, seen) = (receive(&mut *pair.here), receive(&mut *pair.there));
+        assert_eq!((echo.frame, echo.stamp_ns), (seen.frame, seen.stamp_ns));
+    }
+}
+
+fn only_the_node_that_asked_hears_itself(mut pair: Pair) {
+    pair.there.send(&numbered(1)).expect("room");
+    let heard = receive(&mut *pair.here);
+    assert_eq!((heard.frame, heard.own), (numbered(1), false));
+    assert_eq!(pair.there.receive(), Ok(None));
+}
+
+#[test]
+fn the_loopback_bus_has_no_echo() {
+    let mut pair = loopback();
+    pair.here.send(&numbered(1)).expect("room");
+    assert!(!pair.here.echoes() && !receive(&mut *pair.there).own);
+    assert_eq!(pair.here.receive(), Ok(None));
 }
 
 #[test]
