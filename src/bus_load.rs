@@ -4,10 +4,22 @@
 //! the most stuff bits it can need, every obstacle in sight.
 
 use bench_sim::Scenario;
-use platoon_dbc::{Actuation, BusTiming, EcuStatus, EgoState, Mission, Obstacle, V2vOut, V2vState};
+use platoon_dbc::{
+    Actuation, BusTiming, EcuStatus, EgoState, FrameFlags, Mission, Obstacle, V2vOut, V2vState,
+};
 
 /// Share of a bus that may be planned for; above, low-priority frames wait too long in practice.
 const PLANNED_PERCENT_MAX: f64 = 80.0;
+
+/// Extended FD frames with bit rate switch.
+const FLAGS: FrameFlags = FrameFlags {
+    is_extended: true,
+    is_fd: true,
+    brs: true,
+    esi: false,
+    is_rtr: false,
+    is_error: false,
+};
 
 /// Worst-case load of every truck's bus.
 #[derive(Debug, Clone, PartialEq)]
@@ -39,8 +51,8 @@ impl BusLoad {
                     (Mission::LENGTH, per_second(Mission::CYCLE_TIME_MS)),
                     (EcuStatus::LENGTH, per_second(EcuStatus::CYCLE_TIME_MS)),
                 ];
-                let busy_ns =
-                    |&(length, hz): &(usize, f64)| hz * timing.frame_time_ns_max(length) as f64;
+                let longest_ns = |length| timing.frame_time_ns_max(FLAGS, length) as f64;
+                let busy_ns = |&(length, hz): &(usize, f64)| hz * longest_ns(length);
                 100.0 * 1e-9 * frames.iter().map(busy_ns).sum::<f64>()
             })
             .collect();

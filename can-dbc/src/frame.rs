@@ -3,7 +3,7 @@
 use embedded_can::{ExtendedId, Id, StandardId};
 
 /// Payload lengths CAN FD knows above the classic eight bytes, ISO 11898-1.
-const FD_LENGTHS: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
+pub(crate) const FD_LENGTHS: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
 const CLASSIC_CAPACITY: usize = 8;
 const STANDARD_ID_MAX: u32 = 0x7FF;
 const EXTENDED_ID_MAX: u32 = 0x1FFF_FFFF;

@@ -26,7 +26,7 @@
 
 mod bits;
 mod bus;
-mod bus_time;
+pub mod bus_time;
 mod codec;
 pub mod e2e;
 mod frame;

@@ -1,4 +1,6 @@
 //! Integration tests of the contract: the buses behave alike, and a bad DBC stops the build.
 
+mod bus_time;
 mod conformance;
 mod generator;
+mod random;
