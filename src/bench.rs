@@ -79,6 +79,7 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     let stop = process::stop_flag()?;
     let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
     let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+    let rate_hz = args.run.rate_hz()?;
     let trucks = scenario.platoon.trucks;
     if let Some(truck) = args.host.iter().find(|truck| usize::from(**truck) >= trucks) {
         return Err(Failure::usage(format!(
@@ -108,8 +109,9 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
         invite_people(&bus, &names, &args.host);
     }
     let recorder = process::recorder(&folder, Source::Rig, Overflow::DropNewest, names)?;
-    let rig = Rig::new(&scenario, args.run.seed, args.run.rate_hz, ends, Some(recorder))
-        .map_err(Failure::usage)?;
+    let rig = Rig::new(&scenario, args.run.seed, rate_hz, ends, Some(recorder))
+        .map_err(Failure::usage)?
+        .speaking(args.run.profile);
     let report = drive(rig, args, hosted, &stop)?;
     process::write_json(&folder.process_report(&process::rig_name()), &report)?;
     let passed = report.pace.end == RunEnd::Finished && report.results.passed();
@@ -169,10 +171,12 @@ fn host(
     let source = Source::Ecu(truck);
     let recorder = process::recorder(folder, source, Overflow::DropNewest, interfaces)?;
     let stop = Arc::clone(stop);
+    let profile = args.run.profile;
+    let vehicle = calibration::vehicle(&calibration);
     let run = move || {
         let obtained = process::become_realtime(process::ECU_PRIORITY, None);
         let realtime = Some(process::as_reported(&obtained));
-        let config = Config { truck, gain_id: 0, realtime };
+        let config = Config { truck, profile, vehicle, realtime, ..Config::default() };
         let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
         controller_rt::run(ecu, &HostClock::default(), &stop)
     };

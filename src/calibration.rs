@@ -6,6 +6,7 @@ use std::path::Path;
 use controller_rt::{Clarabel, Controller, LawController};
 use law::qp::ActiveSet;
 use law::{Calibration, Law};
+use platoon_dbc::Vehicle;
 
 use crate::cli::{LawArgs, SolverKind};
 use crate::failure::Failure;
@@ -52,4 +53,9 @@ pub fn controller(calibration: Calibration, options: &LawArgs) -> Box<dyn Contro
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
         SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),
     }
+}
+
+/// What a bus profile must know of the truck, as its ECU believes it to be.
+pub fn vehicle(calibration: &Calibration) -> Vehicle {
+    Vehicle { mass_kg: calibration.truck.mass_kg, ..Vehicle::default() }
 }

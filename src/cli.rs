@@ -4,6 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use platoon_dbc::Profile;
+
+use crate::failure::Failure;
 use crate::fault::Fault;
 
 /// Rehearses a truck-platoon hardware-in-the-loop test over CAN, on this computer.
@@ -80,10 +83,13 @@ pub struct RehearseArgs {
 /// What every run has.
 #[derive(Debug, Clone, Args)]
 pub struct RunArgs {
-    /// Rate of the control loop in Hz.
-    #[arg(long, value_name = "HZ", default_value_t = 1000,
-          value_parser = clap::value_parser!(u32).range(10..=10_000))]
-    pub rate_hz: u32,
+    /// How the buses carry messages: fd (CAN FD, a frame per message) or j1939 (classic CAN,
+    /// standard parameter groups, at most 100 Hz).
+    #[arg(long, value_name = "fd|j1939", default_value_t = Profile::Fd)]
+    pub profile: Profile,
+    /// Rate of the control loop in Hz (default: 1000, or 100 with --profile j1939).
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(10..=10_000))]
+    pub rate_hz: Option<u32>,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -93,6 +99,28 @@ pub struct RunArgs {
     /// Override a number of the scenario; may be given more than once.
     #[arg(long, value_name = "KEY=VALUE", value_parser = parse_set)]
     pub set: Vec<(String, String)>,
+}
+
+impl RunArgs {
+    /// Loop rate when none is asked for \[Hz\].
+    const RATE_DEFAULT_HZ: u32 = 1000;
+
+    /// Rate of the control loop \[Hz\].
+    ///
+    /// # Errors
+    /// When the profile cannot carry it.
+    pub fn rate_hz(&self) -> Result<u32, Failure> {
+        let most_hz = self.profile.loop_rate_max_hz();
+        match self.rate_hz {
+            None => Ok(Self::RATE_DEFAULT_HZ.min(most_hz)),
+            Some(rate_hz) if rate_hz <= most_hz => Ok(rate_hz),
+            Some(rate_hz) => Err(Failure::usage(format!(
+                "--rate-hz {rate_hz}: the profile {} carries at most {most_hz} Hz; ask for less, or \
+                 for another --profile",
+                self.profile
+            ))),
+        }
+    }
 }
 
 /// How the control law is run.
@@ -155,6 +183,9 @@ pub struct ControllerArgs {
     /// Where the bus is.
     #[command(flatten)]
     pub place: BusPlace,
+    /// How the bus carries messages: fd or j1939, as the rig does.
+    #[arg(long, value_name = "fd|j1939", default_value_t = Profile::Fd)]
+    pub profile: Profile,
     /// Calibration of the law: a TOML file with the keys a scenario has under `law`.
     #[arg(long, value_name = "FILE")]
     pub law: Option<PathBuf>,
@@ -366,7 +397,18 @@ mod tests {
         let cli = Cli::parse_from(["platoon"]);
         assert!(cli.verb.is_none());
         assert_eq!(cli.rehearse.scenario, "obstacle-avoidance");
-        assert_eq!(cli.rehearse.run.rate_hz, 1000);
+        assert_eq!(cli.rehearse.run.rate_hz().ok(), Some(1000));
+    }
+
+    #[test]
+    fn a_profile_brings_its_rate_and_refuses_a_faster_one() {
+        let rate = |words: &[&str]| {
+            Cli::parse_from([&["platoon"], words].concat()).rehearse.run.rate_hz().ok()
+        };
+        assert_eq!(rate(&["--profile", "j1939"]), Some(100));
+        assert_eq!(rate(&["--profile", "j1939", "--rate-hz", "50"]), Some(50));
+        assert_eq!(rate(&["--profile", "j1939", "--rate-hz", "101"]), None);
+        assert_eq!(rate(&["--rate-hz", "2000"]), Some(2000));
     }
 
     #[test]

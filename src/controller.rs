@@ -37,8 +37,13 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     for refusal in &obtained.refused {
         anstream::eprintln!("ECU {}: running without it: {refusal}", args.truck);
     }
-    let config =
-        Config { truck: args.truck, gain_id: 0, realtime: Some(process::as_reported(&obtained)) };
+    let config = Config {
+        truck: args.truck,
+        profile: args.profile,
+        vehicle: calibration::vehicle(&calibration),
+        realtime: Some(process::as_reported(&obtained)),
+        ..Config::default()
+    };
     let ecu = Ecu::new(config, bus, controller, Some(recorder));
     let report = controller_rt::run(ecu, &HostClock::default(), &stop);
     process::write_json(&folder.process_report(&source.to_string()), &report)?;

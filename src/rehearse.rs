@@ -30,6 +30,8 @@ struct Plan<'a> {
     args: &'a RehearseArgs,
     scenario: Scenario,
     calibration: Calibration,
+    /// Rate of the control loop \[Hz\].
+    rate_hz: u32,
 }
 
 /// How a run ended, before it is judged.
@@ -75,7 +77,8 @@ impl<'a> Plan<'a> {
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
         let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
         let calibration = args.law_options.applied_to(calibration);
-        let plan = Self { args, scenario, calibration };
+        let rate_hz = args.run.rate_hz()?;
+        let plan = Self { args, scenario, calibration, rate_hz };
         let trucks = plan.trucks();
         let known = |truck: u8| usize::from(truck) < trucks;
         if let EcuChoice::One(truck) = args.ecu
@@ -110,7 +113,7 @@ impl<'a> Plan<'a> {
             "{}: {} trucks at {} Hz, {:.0} s, on bus {} ({})",
             self.scenario.name,
             self.trucks(),
-            self.args.run.rate_hz,
+            self.rate_hz,
             self.scenario.duration_s,
             bus.backend(),
             bus.reason
@@ -140,7 +143,7 @@ impl<'a> Plan<'a> {
         let mut summary = Summary::new(Ingredients {
             scenario: &self.scenario,
             seed: self.args.run.seed,
-            rate_hz: self.args.run.rate_hz,
+            rate_hz: self.rate_hz,
             solver: self.args.law_options.solver.word(),
             results: outcome.results,
             rig_pace: outcome.rig_pace,

@@ -20,7 +20,7 @@ mod results;
 #[cfg(test)]
 mod tests;
 
-use platoon_dbc::{Bus, EcuMode, RunState, V2vState};
+use platoon_dbc::{Bus, EcuMode, Profile, RunState, V2vState, Vehicle};
 use traces::Recorder;
 
 use crate::channel::Channel;
@@ -153,6 +153,16 @@ impl Rig {
             seed,
             grid,
         })
+    }
+
+    /// The same rig on buses that carry their messages as another profile does.
+    #[must_use]
+    pub fn speaking(mut self, profile: Profile) -> Self {
+        for (node, truck) in self.nodes.iter_mut().zip(&self.trucks) {
+            let vehicle = Vehicle { mass_kg: truck.parameters().mass_kg, ..Vehicle::default() };
+            node.speak(profile, vehicle);
+        }
+        self
     }
 
     /// Sends every ECU its mission, with the run still being prepared. To be repeated every 100 ms.

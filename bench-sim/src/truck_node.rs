@@ -7,8 +7,10 @@
 mod command;
 mod tap;
 
-use platoon_dbc::e2e::{Continuity, Supervisor};
-use platoon_dbc::{Bus, DecodeError, EcuMode, Message, Received, V2vOut};
+use platoon_dbc::{
+    Bus, Decoder, EcuMode, Encoder, Frame, Heard, Message, Profile, Received, Refusal, V2vOut,
+    Vehicle,
+};
 use serde::{Deserialize, Serialize};
 use traces::FrameRecord;
 
@@ -19,9 +21,6 @@ use tap::Waiting;
 /// Frames of others, and as many echoes, read from one bus per wake-up; the rest waits for the
 /// next one.
 const DRAIN_MAX: usize = 256;
-
-/// Messages of the contract.
-const MESSAGES: usize = platoon_dbc::MESSAGES.len();
 
 /// What happened on one truck's bus, as the rig saw it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -69,8 +68,8 @@ pub(crate) struct TruckNode {
     truck: usize,
     bus: Box<dyn Bus>,
     waiting: Waiting,
-    alive: [u8; MESSAGES],
-    supervisors: [Supervisor; MESSAGES],
+    encoder: Encoder,
+    decoder: Decoder,
     /// The command this truck obeys.
     pub(crate) watch: CommandWatch,
     /// The mode its ECU last reported.
@@ -81,16 +80,23 @@ pub(crate) struct TruckNode {
 
 impl TruckNode {
     pub(crate) fn new(truck: usize, bus: Box<dyn Bus>, tick_period_ns: u64) -> Self {
+        let (profile, vehicle) = (Profile::default(), Vehicle::default());
         Self {
             truck,
             waiting: Waiting::new(bus.echoes()),
             bus,
-            alive: [0; MESSAGES],
-            supervisors: [Supervisor::new(); MESSAGES],
+            encoder: Encoder::new(profile, vehicle),
+            decoder: Decoder::new(profile, vehicle),
             watch: CommandWatch::new(tick_period_ns),
             ecu_mode: None,
             counts: NodeCounts::default(),
         }
+    }
+
+    /// Speaks another profile from now on.
+    pub(crate) fn speak(&mut self, profile: Profile, vehicle: Vehicle) {
+        self.encoder = Encoder::new(profile, vehicle);
+        self.decoder = Decoder::new(profile, vehicle);
     }
 
     /// The bus of this truck.
@@ -110,17 +116,24 @@ impl TruckNode {
         self.counts.lost_commands += u32::from(self.watch.age(span_ns));
     }
 
-    /// Protects a message and puts it on the bus.
+    /// Notes what the actuators do, for the profiles that publish it.
+    pub(crate) fn note_actuators(&mut self, force_n: f64, steering_rad: f64) {
+        self.encoder.note_actuators(force_n, steering_rad);
+    }
+
+    /// Puts the frames of a message on the bus.
     pub(crate) fn send(&mut self, message: &Message, tap: &mut Tap) {
-        let alive = &mut self.alive[message.index()];
-        let Ok(frame) = message.encode(*alive) else {
-            self.counts.not_encodable += 1;
-            return;
-        };
         self.bus.set_bench_time(tap.time_ns);
-        if self.bus.send(&frame).is_ok() {
-            *alive = alive.wrapping_add(1);
-            self.sent(tap.record(self.truck, true, 0, frame), tap);
+        let mut encoder = self.encoder;
+        let encoded =
+            encoder.encode(message, tap.time_ns, &mut |frame| self.send_frame(frame, tap));
+        self.encoder = encoder;
+        self.counts.not_encodable += u64::from(encoded.is_err());
+    }
+
+    fn send_frame(&mut self, frame: &Frame, tap: &mut Tap) {
+        if self.bus.send(frame).is_ok() {
+            self.sent(tap.record(self.truck, true, 0, *frame), tap);
         } else {
             self.counts.send_failed += 1;
         }
@@ -143,7 +156,7 @@ impl TruckNode {
             heard += 1;
             let record = tap.record(self.truck, false, received.stamp_ns, received.frame);
             self.record(record, tap);
-            match self.check(Message::decode(&received.frame)) {
+            match self.check(&received.frame) {
                 Some(Message::Actuation(command)) => {
                     self.watch.accept(&command, tap.tick, &mut self.counts);
                 }
@@ -195,34 +208,28 @@ impl TruckNode {
         self.counts.unrecorded += u64::from(!tap.push(record));
     }
 
-    /// A message of the ECU that is whole and new, or `None` and a count.
-    fn check(&mut self, decoded: Result<(Message, u8), DecodeError>) -> Option<Message> {
+    /// The message of the ECU that a sound and new frame completes; otherwise `None`, and a count
+    /// when the frame should not be there.
+    fn check(&mut self, frame: &Frame) -> Option<Message> {
         let counts = &mut self.counts;
-        let (message, counter) = match decoded {
-            Ok((message, counter)) => (message, counter),
-            Err(error) => {
-                match error {
-                    DecodeError::Crc => counts.bad_crc += 1,
-                    DecodeError::UnknownId => counts.unknown += 1,
-                    _ => counts.malformed += 1,
-                }
+        let Heard { message, lost } = match self.decoder.take(frame) {
+            Ok(heard) => heard,
+            Err(refusal) => {
+                *match refusal {
+                    Refusal::Crc => &mut counts.bad_crc,
+                    Refusal::UnknownId => &mut counts.unknown,
+                    Refusal::Malformed => &mut counts.malformed,
+                    Refusal::Repeated => &mut counts.repeated,
+                } += 1;
                 return None;
             }
         };
+        counts.counter_jumps += u64::from(lost > 0);
+        counts.missing += u64::from(lost);
+        let message = message?;
         if !matches!(message, Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_)) {
             counts.unknown += 1;
             return None;
-        }
-        match self.supervisors[message.index()].see(counter) {
-            Continuity::First | Continuity::Ok => {}
-            Continuity::Repeated => {
-                counts.repeated += 1;
-                return None;
-            }
-            Continuity::Lost(missing) => {
-                counts.counter_jumps += 1;
-                counts.missing += u64::from(missing);
-            }
         }
         Some(message)
     }

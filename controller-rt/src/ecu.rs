@@ -7,7 +7,9 @@ use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
 use law::{Decision, Observation, Outcome};
-use platoon_dbc::{ActuationStatus, Bus, Clock, EcuMode, RunState};
+use platoon_dbc::{
+    ActuationStatus, Bus, Clock, Decoder, EcuMode, Encoder, Profile, RunState, Vehicle,
+};
 use traces::Recorder;
 
 use crate::controller::Controller;
@@ -29,12 +31,16 @@ pub const RIG_SILENT_NS: u64 = 2_000_000_000;
 const START_WAIT: Duration = Duration::from_millis(10);
 
 /// What makes one ECU differ from another.
-#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Config {
     /// Truck this ECU drives, 0 is the leader; missions for others are refused.
     pub truck: u8,
     /// Identifier of the gain in use, for `EcuStatus`; 0 when it is from no library.
     pub gain_id: u8,
+    /// How its bus carries messages.
+    pub profile: Profile,
+    /// What the profile must know of the truck, as this ECU believes it to be.
+    pub vehicle: Vehicle,
     /// Real-time privileges obtained, for the report.
     pub realtime: Option<Realtime>,
 }
@@ -100,16 +106,16 @@ impl Ecu {
         controller: Box<dyn Controller>,
         recorder: Option<Recorder>,
     ) -> Self {
-        let truck = config.truck;
+        let Config { truck, profile, vehicle, .. } = config;
         Self {
             config,
             bus,
             controller,
             recording: Recording::new(recorder, truck),
-            inbox: Inbox::new(),
+            inbox: Inbox::new(Decoder::new(profile, vehicle)),
             picture: Picture::new(truck),
             guard: Guard::new(),
-            outbox: Outbox::new(),
+            outbox: Outbox::new(Encoder::new(profile, vehicle)),
             statistics: Statistics::new(),
             snapshot: SnapshotBuffer::new(),
             mode: EcuMode::Waiting,
@@ -174,6 +180,7 @@ impl Ecu {
         }
         (self.guard, self.picture) = (saved.guard, saved.picture);
         self.outbox.restore(saved.outbox);
+        self.inbox.restore(saved.decoder);
         self.mode = EcuMode::Running;
         true
     }
@@ -275,7 +282,7 @@ impl Ecu {
         let answers_tick = self.picture.ego().map_or(slot.number, |ego| ego.tick);
         let status = actuation_status(decision, admitted);
         let command = (admitted.force_n, admitted.steering_rad);
-        self.outbox.command(bus, answers_tick, command, status);
+        self.outbox.command(bus, slot.time_ns, answers_tick, command, status);
         // A truck that does not know where it is says nothing rather than something old.
         if let (Some(decision), Some(ego)) = (decision, self.picture.ego()) {
             self.outbox.broadcast(bus, slot.time_ns, ego, decision.intended_accel_mps2);
@@ -289,6 +296,7 @@ impl Ecu {
             let saved = self.snapshot.write(
                 &self.guard,
                 self.outbox.state(),
+                self.inbox.decoder(),
                 &self.picture,
                 &*self.controller,
             );

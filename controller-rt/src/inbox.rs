@@ -1,7 +1,6 @@
-//! From the bus into the picture: bounded draining, decoding, E2E supervision, counting.
+//! From the bus into the picture: bounded draining, decoding, supervision, counting.
 
-use platoon_dbc::e2e::{Continuity, Supervisor};
-use platoon_dbc::{Backend, Bus, DecodeError, MESSAGES, Message, Received};
+use platoon_dbc::{Backend, Bus, Decoder, Heard, Message, Received, Refusal};
 use serde::{Deserialize, Serialize};
 
 use crate::phase_lock::Arrival;
@@ -16,21 +15,23 @@ pub const DRAIN_MAX: usize = 128;
 /// What became of the frames received, by kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct InboxCounts {
-    /// Frames taken into the picture.
+    /// Messages taken into the picture.
     pub used: u64,
+    /// Sound frames that are a part of a message, or only inform; none in the profile `fd`.
+    pub parts: u64,
     /// Frames missing according to alive counters.
     pub lost: u64,
     /// Frames refused because their alive counter repeated the one before.
     pub repeated: u64,
-    /// Frames refused because their E2E CRC did not match.
+    /// Frames refused because their checksum did not match.
     pub crc: u64,
     /// Frames of the contract refused for length, flags or a value outside the DBC's range.
     pub malformed: u64,
     /// Frames with an identifier outside the contract.
     pub foreign: u64,
-    /// Sound frames that are not for this ECU: another node's commands, another truck's mission.
+    /// Sound messages that are not for this ECU: another node's commands, another truck's mission.
     pub not_mine: u64,
-    /// Sound frames older than what the picture already holds.
+    /// Sound messages older than what the picture already holds.
     pub outdated: u64,
     /// Calls to the bus that failed.
     pub receive_errors: u64,
@@ -54,25 +55,26 @@ pub struct Drained {
 /// The receiving side of an ECU.
 #[derive(Debug, Clone)]
 pub struct Inbox {
-    supervisors: [Supervisor; MESSAGE_KINDS],
+    decoder: Decoder,
     counts: InboxCounts,
-}
-
-/// Messages of the contract; one supervisor each.
-const MESSAGE_KINDS: usize = 7;
-
-impl Default for Inbox {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl Inbox {
     /// An inbox that has received nothing.
     #[must_use]
-    pub fn new() -> Self {
-        assert_eq!(MESSAGES.len(), MESSAGE_KINDS, "one supervisor per message of the DBC");
-        Self { supervisors: [Supervisor::new(); MESSAGE_KINDS], counts: InboxCounts::default() }
+    pub fn new(decoder: Decoder) -> Self {
+        Self { decoder, counts: InboxCounts::default() }
+    }
+
+    /// What later frames are judged by, for a snapshot.
+    #[must_use]
+    pub const fn decoder(&self) -> &Decoder {
+        &self.decoder
+    }
+
+    /// Continues from a snapshot.
+    pub fn restore(&mut self, decoder: Decoder) {
+        self.decoder = decoder;
     }
 
     /// Totals so far.
@@ -117,23 +119,20 @@ impl Inbox {
         drained
     }
 
-    /// Decodes, supervises and notes one frame; the message when the picture used it.
+    /// Decodes one frame and notes the message it completes; the message when the picture used it.
     fn take(&mut self, received: &Received, picture: &mut Picture) -> Option<Message> {
-        let (message, counter) = match Message::decode(&received.frame) {
-            Ok(decoded) => decoded,
-            Err(error) => {
-                self.count_refusal(error);
+        let Heard { message, lost } = match self.decoder.take(&received.frame) {
+            Ok(heard) => heard,
+            Err(refusal) => {
+                self.count_refusal(refusal);
                 return None;
             }
         };
-        match self.supervisors[message.index()].see(counter) {
-            Continuity::Repeated => {
-                self.counts.repeated += 1;
-                return None;
-            }
-            Continuity::Lost(missing) => self.counts.lost += u64::from(missing),
-            Continuity::First | Continuity::Ok => {}
-        }
+        self.counts.lost += u64::from(lost);
+        let Some(message) = message else {
+            self.counts.parts += 1;
+            return None;
+        };
         let counter = match picture.note(&message) {
             Noted::Used => {
                 self.counts.used += 1;
@@ -146,11 +145,12 @@ impl Inbox {
         None
     }
 
-    fn count_refusal(&mut self, error: DecodeError) {
-        let counter = match error {
-            DecodeError::UnknownId => &mut self.counts.foreign,
-            DecodeError::Crc => &mut self.counts.crc,
-            _ => &mut self.counts.malformed,
+    fn count_refusal(&mut self, refusal: Refusal) {
+        let counter = match refusal {
+            Refusal::UnknownId => &mut self.counts.foreign,
+            Refusal::Crc => &mut self.counts.crc,
+            Refusal::Malformed => &mut self.counts.malformed,
+            Refusal::Repeated => &mut self.counts.repeated,
         };
         *counter += 1;
     }
@@ -158,7 +158,7 @@ impl Inbox {
 
 #[cfg(test)]
 mod tests {
-    use platoon_dbc::{Actuation, EgoState, Frame, FrameFlags, Loopback};
+    use platoon_dbc::{Actuation, EgoState, Frame, FrameFlags, Loopback, Profile, Vehicle};
 
     use super::*;
 
@@ -176,7 +176,8 @@ mod tests {
     impl Bench {
         fn new() -> Self {
             let (rig, ecu) = Loopback::pair("loopback0", 1024);
-            Self { rig, ecu, inbox: Inbox::new(), picture: Picture::new(0) }
+            let inbox = Inbox::new(Decoder::new(Profile::Fd, Vehicle::default()));
+            Self { rig, ecu, inbox, picture: Picture::new(0) }
         }
 
         fn send(&mut self, frame: Frame) {

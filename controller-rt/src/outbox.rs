@@ -1,7 +1,7 @@
 //! From the ECU onto the bus: commands, broadcasts, status. Nothing is ever sent twice.
 
 use platoon_dbc::{
-    Actuation, ActuationStatus, Bus, EcuMode, EcuStatus, EgoState, EncodeError, Frame, V2vOut,
+    Actuation, ActuationStatus, Bus, EcuMode, EcuStatus, EgoState, Encoder, Message, V2vOut,
 };
 use serde::{Deserialize, Serialize};
 
@@ -37,7 +37,7 @@ pub struct Health {
 }
 
 /// The sending side of an ECU.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outbox {
     state: OutboxState,
     next_status_ns: u64,
@@ -45,11 +45,9 @@ pub struct Outbox {
 }
 
 /// The part of the outbox that later frames depend on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct OutboxState {
-    command_counter: u8,
-    broadcast_counter: u8,
-    status_counter: u8,
+    encoder: Encoder,
     broadcast_sequence: u16,
     next_broadcast_ns: u64,
 }
@@ -57,8 +55,12 @@ pub struct OutboxState {
 impl Outbox {
     /// An outbox that has sent nothing.
     #[must_use]
-    pub fn new() -> Self {
-        Self::default()
+    pub fn new(encoder: Encoder) -> Self {
+        Self {
+            state: OutboxState { encoder, broadcast_sequence: 0, next_broadcast_ns: 0 },
+            next_status_ns: 0,
+            counts: OutboxCounts::default(),
+        }
     }
 
     /// Totals so far.
@@ -82,13 +84,13 @@ impl Outbox {
     pub fn command(
         &mut self,
         bus: &mut dyn Bus,
+        now_ns: u64,
         answers_tick: u32,
         (force_n, steering_rad): (f64, f64),
         actuation_status: ActuationStatus,
     ) {
         let command = Actuation { answers_tick, force_n, steering_rad, actuation_status };
-        let frame = command.encode(next(&mut self.state.command_counter));
-        self.send(bus, frame);
+        self.send(bus, &Message::Actuation(command), now_ns);
     }
 
     /// Sends the truck's state to the other trucks when 20 ms of bench time have passed.
@@ -117,8 +119,7 @@ impl Outbox {
             accel_mps2: ego.accel_forward_mps2,
             intended_accel_mps2,
         };
-        let frame = state.encode(next(&mut self.state.broadcast_counter));
-        self.send(bus, frame);
+        self.send(bus, &Message::V2vOut(state), now_ns);
     }
 
     /// Sends the ECU's status when 100 ms of the clock have passed.
@@ -138,34 +139,31 @@ impl Outbox {
             misses: health.misses.min(MISSES_MAX) as u32,
             skipped: u16::try_from(health.skipped).unwrap_or(u16::MAX),
         };
-        let frame = status.encode(next(&mut self.state.status_counter));
-        self.send(bus, frame);
+        self.send(bus, &Message::EcuStatus(status), now_ns);
     }
 
-    fn send(&mut self, bus: &mut dyn Bus, frame: Result<Frame, EncodeError>) {
-        let counter = match frame.map(|frame| bus.send(&frame)) {
-            Ok(Ok(())) => &mut self.counts.sent,
-            Ok(Err(_)) => &mut self.counts.send_errors,
-            Err(_) => &mut self.counts.encode_errors,
-        };
-        *counter += 1;
+    fn send(&mut self, bus: &mut dyn Bus, message: &Message, now_ns: u64) {
+        let counts = &mut self.counts;
+        let encoded =
+            self.state.encoder.encode(message, now_ns, &mut |frame| match bus.send(frame) {
+                Ok(()) => counts.sent += 1,
+                Err(_) => counts.send_errors += 1,
+            });
+        self.counts.encode_errors += u64::from(encoded.is_err());
     }
-}
-
-/// The counter for the next frame: +1 per frame, 255 wraps to 0.
-fn next(counter: &mut u8) -> u8 {
-    let this = *counter;
-    *counter = this.wrapping_add(1);
-    this
 }
 
 #[cfg(test)]
 mod tests {
-    use platoon_dbc::{Loopback, Message};
+    use platoon_dbc::{Loopback, Profile, Vehicle};
 
     use super::*;
 
     const MS: u64 = 1_000_000;
+
+    fn outbox() -> Outbox {
+        Outbox::new(Encoder::new(Profile::Fd, Vehicle::default()))
+    }
 
     fn received(bus: &mut Loopback) -> Vec<(Message, u8)> {
         let frames = std::iter::from_fn(|| bus.receive().expect("up"));
@@ -176,7 +174,7 @@ mod tests {
     fn a_broadcast_goes_out_every_20_ms_of_bench_time_at_any_rate() {
         for period_ms in [1, 2, 3, 7, 10, 20] {
             let (mut rig, mut ecu) = Loopback::pair("loopback0", 256);
-            let mut outbox = Outbox::new();
+            let mut outbox = outbox();
             for n in 0..2_000 / period_ms {
                 let now_ns = n * period_ms * MS;
                 outbox.broadcast(&mut ecu, now_ns, &EgoState::default(), 0.0);
@@ -193,7 +191,7 @@ mod tests {
     #[test]
     fn status_goes_out_every_100_ms_and_saturates() {
         let (mut rig, mut ecu) = Loopback::pair("loopback0", 256);
-        let mut outbox = Outbox::new();
+        let mut outbox = outbox();
         let health = Health { gain_id: 1, ticks: u64::MAX, misses: u64::MAX, skipped: u64::MAX };
         for now_ms in 5_000..6_000 {
             outbox.status(&mut ecu, now_ms * MS, EcuMode::Running, health);
@@ -207,11 +205,11 @@ mod tests {
     #[test]
     fn errors_are_counted_and_not_retried() {
         let (rig, mut ecu) = Loopback::pair("loopback0", 1);
-        let mut outbox = Outbox::new();
+        let mut outbox = outbox();
         for _ in 0..3 {
-            outbox.command(&mut ecu, 1, (0.0, 0.0), ActuationStatus::Solved);
+            outbox.command(&mut ecu, 0, 1, (0.0, 0.0), ActuationStatus::Solved);
         }
-        outbox.command(&mut ecu, 1, (f64::NAN, 0.0), ActuationStatus::Solved);
+        outbox.command(&mut ecu, 0, 1, (f64::NAN, 0.0), ActuationStatus::Solved);
         let expected = OutboxCounts { sent: 1, send_errors: 2, encode_errors: 1 };
         assert_eq!(outbox.counts(), expected);
         drop(rig);

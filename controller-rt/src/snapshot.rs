@@ -1,5 +1,7 @@
-//! Everything later commands depend on, as bytes: guard, outbox, picture, the controller's memory.
+//! Everything later commands depend on, as bytes: guard, outbox, decoder, picture, the controller's
+//! memory.
 
+use platoon_dbc::Decoder;
 use serde::{Deserialize, Serialize};
 
 use crate::controller::Controller;
@@ -8,19 +10,20 @@ use crate::outbox::OutboxState;
 use crate::picture::Picture;
 
 /// Format of the bytes; a replay refuses another.
-const VERSION: u8 = 1;
+const VERSION: u8 = 2;
 /// Room for the picture: twelve frames of at most 64 bytes with their headers.
 const PICTURE_BYTES: usize = 1024;
 /// Room for a controller's memory.
 const CONTROLLER_BYTES: usize = 32 * 1024;
 /// Room for all.
-const ALL_BYTES: usize = PICTURE_BYTES + CONTROLLER_BYTES + 256;
+const ALL_BYTES: usize = PICTURE_BYTES + CONTROLLER_BYTES + 1024;
 
 #[derive(Serialize, Deserialize)]
 struct Layout<'bytes> {
     version: u8,
     guard: Guard,
     outbox: OutboxState,
+    decoder: Decoder,
     picture: &'bytes [u8],
     controller: &'bytes [u8],
 }
@@ -31,6 +34,8 @@ pub struct Saved<'bytes> {
     pub guard: Guard,
     /// The outbox's counters and due times.
     pub outbox: OutboxState,
+    /// What received frames are judged by.
+    pub decoder: Decoder,
     /// The picture.
     pub picture: Picture,
     /// The controller's own encoding of its memory.
@@ -60,6 +65,7 @@ impl SnapshotBuffer {
         &mut self,
         guard: &Guard,
         outbox: OutboxState,
+        decoder: &Decoder,
         picture: &Picture,
         controller: &dyn Controller,
     ) -> &[u8] {
@@ -73,6 +79,7 @@ impl SnapshotBuffer {
             version: VERSION,
             guard: *guard,
             outbox,
+            decoder: *decoder,
             picture: &self.picture[..picture_used],
             controller: &self.controller[..controller_used],
         };
@@ -87,6 +94,6 @@ pub fn read(bytes: &[u8], truck: u8) -> Option<Saved<'_>> {
         return None;
     }
     let picture = Picture::restore(truck, layout.picture)?;
-    let Layout { guard, outbox, controller, .. } = layout;
-    Some(Saved { guard, outbox, picture, controller })
+    let Layout { guard, outbox, decoder, controller, .. } = layout;
+    Some(Saved { guard, outbox, decoder, picture, controller })
 }

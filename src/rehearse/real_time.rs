@@ -57,7 +57,7 @@ pub(super) fn run(
 fn start_sentinel(plan: &Plan<'_>) -> Result<Sentinel, Failure> {
     let options = FloorOptions {
         cpus: environment().online_cpus,
-        period_ns: 1_000_000_000 / u64::from(plan.args.run.rate_hz),
+        period_ns: 1_000_000_000 / u64::from(plan.rate_hz),
         priority: Some(process::RIG_PRIORITY + 1),
     };
     Sentinel::start(&options).map_err(Failure::cannot_start)
@@ -381,7 +381,7 @@ fn rig_arguments(
     let run = &plan.args.run;
     // The scenario as written has every override in it.
     let mut words = vec!["bench".into(), path_word(&folder.scenario())];
-    words.extend(["--rate-hz".into(), run.rate_hz.to_string()]);
+    words.extend(["--rate-hz".into(), plan.rate_hz.to_string()]);
     words.extend(["--seed".into(), run.seed.to_string()]);
     let separate: Vec<u8> = separate_ecus(plan).collect();
     let hosted = (0..plan.trucks() as u8).filter(|truck| !separate.contains(truck));
@@ -397,6 +397,7 @@ fn common_arguments(
     cpu: Option<usize>,
 ) -> Vec<String> {
     let mut words = bus.as_arguments();
+    words.extend(["--profile".into(), plan.args.run.profile.to_string()]);
     words.extend(["--supervised".into(), "--out".into(), path_word(folder.path())]);
     words.extend(plan.args.law_options.as_arguments());
     words.extend(cpu.into_iter().flat_map(|cpu| ["--cpu".into(), cpu.to_string()]));

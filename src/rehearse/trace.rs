@@ -40,7 +40,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("scenario".to_owned(), plan.scenario.name.clone()),
         ("seed".to_owned(), plan.args.run.seed.to_string()),
-        ("rate_hz".to_owned(), plan.args.run.rate_hz.to_string()),
+        ("rate_hz".to_owned(), plan.rate_hz.to_string()),
         ("solver".to_owned(), plan.args.law_options.solver.word().to_owned()),
         ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
         ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),

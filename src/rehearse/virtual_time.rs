@@ -64,15 +64,20 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
         let interfaces = vec![ecu_end.name().to_owned()];
         let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
         let law = calibration::controller(plan.calibration, &plan.args.law_options);
-        let config = Config { truck, gain_id: 0, realtime: None };
+        let config = Config {
+            truck,
+            profile: plan.args.run.profile,
+            vehicle: calibration::vehicle(&plan.calibration),
+            ..Config::default()
+        };
         ecus.push(Ecu::new(config, Box::new(ecu_end), law, Some(recorder)));
     }
     let names = process::bus_names(&ends);
     let recorder = process::recorder(folder, Source::Rig, Overflow::Wait, names)?;
     let run = &plan.args.run;
-    let rig = Rig::new(&plan.scenario, run.seed, run.rate_hz, ends, Some(recorder))
+    let rig = Rig::new(&plan.scenario, run.seed, plan.rate_hz, ends, Some(recorder))
         .map_err(Failure::usage)?;
-    Ok((rig, ecus))
+    Ok((rig.speaking(run.profile), ecus))
 }
 
 /// Tick by tick until the scenario ends; true when somebody interrupted it.

@@ -98,6 +98,7 @@ impl Rig {
         for (node, (navigation, snapshot)) in
             self.nodes.iter_mut().zip(self.navigation.iter_mut().zip(&self.snapshots))
         {
+            node.note_actuators(snapshot.state.force_n, snapshot.state.steer_rad);
             node.send(&Message::EgoState(navigation.solve(snapshot)), &mut self.tap);
         }
     }

@@ -388,7 +388,9 @@ fn an_ecu_restored_from_a_snapshot_sends_the_same_frames() {
     let (mut rig, mut ecu, clock) = running(law_controller());
     drive(&mut rig, &mut ecu, &clock, 1, 50);
     let (saved, picture) = (&mut SnapshotBuffer::new(), ecu.picture);
-    let bytes = saved.write(&ecu.guard, ecu.outbox.state(), &picture, &*ecu.controller).to_vec();
+    let bytes = saved
+        .write(&ecu.guard, ecu.outbox.state(), ecu.inbox.decoder(), &picture, &*ecu.controller)
+        .to_vec();
     assert!(!bytes.is_empty());
 
     let (mut other_rig, mut other) = ecu_with(law_controller());
@@ -407,7 +409,7 @@ fn an_ecu_restored_from_a_snapshot_sends_the_same_frames() {
 fn a_damaged_snapshot_is_refused_and_changes_nothing() {
     let (_rig, ecu, _clock) = running(law_controller());
     let bytes = SnapshotBuffer::new()
-        .write(&ecu.guard, ecu.outbox.state(), &ecu.picture, &*ecu.controller)
+        .write(&ecu.guard, ecu.outbox.state(), ecu.inbox.decoder(), &ecu.picture, &*ecu.controller)
         .to_vec();
     for length in 0..bytes.len() {
         let (_rig, mut other) = ecu_with(law_controller());
