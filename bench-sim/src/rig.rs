@@ -191,6 +191,11 @@ impl Rig {
         self.nodes.iter().enumerate().filter(move |(_, n)| !ready(&n.ecu_mode)).map(|(t, _)| t)
     }
 
+    /// Whether every ECU has said that it ended, and every frame sent has come back where it should.
+    fn is_silent(&self) -> bool {
+        self.nodes.iter().all(|node| node.ecu_mode == Some(EcuMode::Ended) && !node.is_waiting())
+    }
+
     /// Starts the run: bench time 0, mission running, tick 0. What came before is forgotten.
     pub fn start(&mut self) {
         for node in &mut self.nodes {

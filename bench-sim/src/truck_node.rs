@@ -6,6 +6,8 @@
 
 mod command;
 mod tap;
+#[cfg(test)]
+mod tests;
 
 use platoon_dbc::{
     Bus, Decoder, EcuMode, Encoder, Frame, Heard, Message, Profile, Received, Refusal, V2vOut,
@@ -142,7 +144,8 @@ impl TruckNode {
     /// Reads the bus and acts on every frame that passes its checks; broadcasts of the truck's
     /// radio go to `radio`.
     pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&V2vOut)) {
-        while let Some(record) = self.waiting.overdue(tap.time_ns) {
+        self.waiting.looked(tap.time_ns);
+        while let Some(record) = self.waiting.overdue() {
             self.unechoed(record, tap);
         }
         let (mut heard, mut echoed) = (0, 0);
@@ -166,6 +169,11 @@ impl TruckNode {
             }
         }
         self.counts.drain_cut += 1;
+    }
+
+    /// Whether an echo is still to come.
+    pub(crate) fn is_waiting(&self) -> bool {
+        !self.waiting.is_empty()
     }
 
     /// Records the frames whose echo has not come, at the end of a run.

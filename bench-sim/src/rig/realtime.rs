@@ -14,8 +14,10 @@ use super::Rig;
 const CYCLE_NS: u64 = 100_000_000;
 /// Time between two looks at the buses while the run is prepared \[ns\].
 const LOOK_NS: u64 = 5_000_000;
-/// Time between the three farewells \[ns\].
+/// Time between the three farewells, and between looks at what is said after them \[ns\].
 const FAREWELL_NS: u64 = 10_000_000;
+/// Most looks after the farewells.
+const LAST_LOOKS_MAX: u32 = 20;
 /// How long ECUs may take to get ready, unless told otherwise \[ns\].
 const READY_TIMEOUT_NS: u64 = 10_000_000_000;
 
@@ -225,11 +227,21 @@ fn running(rig: &Rig, late_wakes: u64) -> Progress {
     Progress::Running { time_s, duration_s: rig.scenario().duration_s, late_wakes }
 }
 
-/// Tells the ECUs three times that it is over, in case a frame is lost.
+/// Tells the ECUs three times that it is over, in case a frame is lost, and waits a little for
+/// their last words, which belong to the recording.
 fn say_goodbye(rig: &mut Rig, clock: &dyn Clock) {
-    for _ in 0..3 {
-        rig.end();
+    let look = |rig: &mut Rig| {
         clock.sleep_until_ns(clock.now_ns() + FAREWELL_NS);
         rig.listen();
+    };
+    for _ in 0..3 {
+        rig.end();
+        look(rig);
+    }
+    for _ in 0..LAST_LOOKS_MAX {
+        if rig.is_silent() {
+            break;
+        }
+        look(rig);
     }
 }

@@ -12,8 +12,11 @@ use traces::{FrameRecord, Recorder};
 const EARLY_MAX: usize = 8192;
 /// Most frames that may wait for their echo on one bus.
 const WAITING_MAX: usize = 256;
-/// How long an echo may take \[ns of bench time\]; a trace sorts records within a second.
+/// How long an echo may take \[ns\]; a trace sorts records within a second.
 const ECHO_WAIT_NS: u64 = 500_000_000;
+/// Most of it that one look at the bus can use up \[ns\]: after a pause of the rig its time jumps,
+/// while the kernel may not have delivered the echo yet.
+const WAIT_PER_LOOK_MAX_NS: u64 = 10_000_000;
 
 /// Records what passes the nodes, with the time it passes.
 pub(crate) struct Tap {
@@ -75,38 +78,53 @@ impl Tap {
 /// Frames of one node that wait for their echo, oldest first.
 #[derive(Debug)]
 pub(crate) struct Waiting {
-    sent: VecDeque<FrameRecord>,
+    /// With the time waited so far by all when each was sent \[ns\].
+    sent: VecDeque<(u64, FrameRecord)>,
+    waited_ns: u64,
+    looked_ns: u64,
 }
 
 impl Waiting {
     /// None yet, with room for all there may be if the bus echoes.
     pub(crate) fn new(echoes: bool) -> Self {
-        Self { sent: VecDeque::with_capacity(if echoes { WAITING_MAX } else { 0 }) }
+        let sent = VecDeque::with_capacity(if echoes { WAITING_MAX } else { 0 });
+        Self { sent, waited_ns: 0, looked_ns: 0 }
+    }
+
+    /// Whether every echo has come.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.sent.is_empty()
     }
 
     /// A frame was sent. The one returned has waited longest and must make room.
     pub(crate) fn sent(&mut self, record: FrameRecord) -> Option<FrameRecord> {
-        let oldest = if self.sent.len() < WAITING_MAX { None } else { self.sent.pop_front() };
-        self.sent.push_back(record);
+        let oldest = if self.sent.len() < WAITING_MAX { None } else { self.given_up() };
+        self.sent.push_back((self.waited_ns, record));
         oldest
     }
 
     /// An echo came; true when its frame was waiting. Hardware may send in another order.
     pub(crate) fn heard(&mut self, frame: &Frame) -> bool {
-        let place = self.sent.iter().position(|record| record.frame == *frame);
+        let place = self.sent.iter().position(|(_, record)| record.frame == *frame);
         place.and_then(|place| self.sent.remove(place)).is_some()
     }
 
+    /// The bus was looked at, at this bench time.
+    pub(crate) fn looked(&mut self, now_ns: u64) {
+        self.waited_ns += now_ns.saturating_sub(self.looked_ns).min(WAIT_PER_LOOK_MAX_NS);
+        self.looked_ns = now_ns;
+    }
+
     /// A frame whose echo is not to be expected any more.
-    pub(crate) fn overdue(&mut self, now_ns: u64) -> Option<FrameRecord> {
-        let oldest = self.sent.front()?;
-        let is_overdue = oldest.time_ns < now_ns.saturating_sub(ECHO_WAIT_NS);
-        if is_overdue { self.sent.pop_front() } else { None }
+    pub(crate) fn overdue(&mut self) -> Option<FrameRecord> {
+        let (since_ns, _) = self.sent.front()?;
+        let is_overdue = self.waited_ns - since_ns > ECHO_WAIT_NS;
+        if is_overdue { self.given_up() } else { None }
     }
 
     /// A frame whose echo nobody waits for any longer, because the run is over.
     pub(crate) fn given_up(&mut self) -> Option<FrameRecord> {
-        self.sent.pop_front()
+        self.sent.pop_front().map(|(_, record)| record)
     }
 }
 
@@ -137,11 +155,25 @@ mod tests {
     fn a_frame_without_echo_is_given_up_after_a_while_with_the_time_it_was_sent() {
         let mut waiting = Waiting::new(true);
         waiting.sent(record(1, 0));
+        waiting.looked(1_000_000);
         waiting.sent(record(2, 1_000_000));
-        assert_eq!(waiting.overdue(ECHO_WAIT_NS), None);
-        assert_eq!(waiting.overdue(ECHO_WAIT_NS + 1), Some(record(1, 0)));
-        assert_eq!(waiting.overdue(ECHO_WAIT_NS + 1), None);
+        for time_ms in 2..=500 {
+            waiting.looked(time_ms * 1_000_000);
+            assert_eq!(waiting.overdue(), None);
+        }
+        waiting.looked(501_000_000);
+        assert_eq!(waiting.overdue(), Some(record(1, 0)));
+        assert_eq!(waiting.overdue(), None);
         assert_eq!(waiting.given_up(), Some(record(2, 1_000_000)));
+    }
+
+    #[test]
+    fn a_pause_of_the_rig_is_not_mistaken_for_a_lost_echo() {
+        let mut waiting = Waiting::new(true);
+        waiting.sent(record(1, 0));
+        waiting.looked(3_000_000_000);
+        assert_eq!(waiting.overdue(), None);
+        assert!(waiting.heard(&record(1, 0).frame));
     }
 
     #[test]
