@@ -357,5 +357,5 @@ impl Rig {
 fn truck_at_start(scenario: &Scenario, truck: usize) -> Truck {
     let platoon = &scenario.platoon;
     let x_m = -(truck as f64) * platoon.spacing_m;
-    Truck::new(scenario.truck_parameters(truck), x_m, platoon.desired_y_m, platoon.speed_mps)
+    Truck::new(scenario.truck(truck), x_m, platoon.desired_y_m, platoon.speed_mps)
 }

@@ -16,7 +16,10 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::obstacle::Obstacle;
-use crate::truck::{NOMINAL_MASS_KG, TruckParameters};
+use crate::truck::two_track::{DrivenAxles, FrictionPatch, Surroundings, TyreParameters};
+use crate::truck::{
+    NOMINAL_MASS_KG, PredictionParameters, Specification, TruckParameters, TwoTrackParameters,
+};
 
 pub use criteria::Criteria;
 pub use limits::{OBSTACLES_MAX, TRUCKS_MAX};
@@ -77,7 +80,9 @@ pub struct Platoon {
 }
 
 /// The road: straight, two lanes, lane 1 about Y = 0.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+///
+/// Slope, wind and friction patches act on trucks of `plant.model = "two-track"` only.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Road {
     /// Width of a lane \[m\]; the line between lane 1 and 2 is at half of it.
@@ -86,11 +91,31 @@ pub struct Road {
     pub right_edge_y_m: f64,
     /// Y of the left edge \[m\].
     pub left_edge_y_m: f64,
+    /// Rise along the road \[m per 100 m\], positive uphill.
+    pub grade_percent: f64,
+    /// Rise across the road \[m per 100 m\], positive with the left side high.
+    pub banking_percent: f64,
+    /// Wind along the road \[m/s\], positive from behind.
+    pub wind_x_mps: f64,
+    /// Wind across the road \[m/s\], positive towards the left.
+    pub wind_y_mps: f64,
+    /// Stretches with a friction of their own, over the whole width.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub friction_patches: Vec<FrictionPatch>,
 }
 
 impl Default for Road {
     fn default() -> Self {
-        Self { lane_width_m: 3.75, right_edge_y_m: -1.875, left_edge_y_m: 5.625 }
+        Self {
+            lane_width_m: 3.75,
+            right_edge_y_m: -1.875,
+            left_edge_y_m: 5.625,
+            grade_percent: 0.0,
+            banking_percent: 0.0,
+            wind_x_mps: 0.0,
+            wind_y_mps: 0.0,
+            friction_patches: Vec::new(),
+        }
     }
 }
 
@@ -120,9 +145,13 @@ impl Default for V2v {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Model {
-    /// One track, nonlinear tyres: [`crate::truck`].
+    /// One track, nonlinear tyres.
     #[default]
     SingleTrack,
+    /// Four wheels, suspension, drive line, air brakes, slope and wind.
+    TwoTrack,
+    /// One track, linear tyres: what the controller believes.
+    Prediction,
 }
 
 /// What the trucks are.
@@ -131,13 +160,27 @@ pub enum Model {
 pub struct Plant {
     /// The equations of motion.
     pub model: Model,
-    /// Friction coefficient between tyre and road.
+    /// Friction coefficient between tyre and road; the prediction model knows none.
     pub friction: f64,
+    /// Most power at the wheels \[W\]; two-track only.
+    pub power_max_w: f64,
+    /// Which axles are driven; two-track only.
+    pub driven_axles: DrivenAxles,
+    /// Factor on the cornering stiffness of the rear tyres; two-track only. 3.09 makes the rear
+    /// axle's that of the paper's Table II.
+    pub rear_cornering_scale: f64,
 }
 
 impl Default for Plant {
     fn default() -> Self {
-        Self { model: Model::SingleTrack, friction: TruckParameters::default().friction }
+        let nominal = TwoTrackParameters::default();
+        Self {
+            model: Model::SingleTrack,
+            friction: TruckParameters::default().friction,
+            power_max_w: nominal.power_max_w,
+            driven_axles: nominal.driven,
+            rear_cornering_scale: nominal.rear_tyre.cornering_scale,
+        }
     }
 }
 
@@ -172,7 +215,17 @@ pub struct TruckOverride {
 }
 
 impl Scenario {
-    /// The plant calibration of one truck, its overrides applied.
+    /// What one truck is, its overrides applied.
+    pub fn truck(&self, truck: usize) -> Specification {
+        let p = self.truck_parameters(truck);
+        match self.plant.model {
+            Model::SingleTrack => p.into(),
+            Model::TwoTrack => self.two_track(&p).into(),
+            Model::Prediction => PredictionParameters::new(p.mass_kg, p.drive_lag_s).into(),
+        }
+    }
+
+    /// The single-track calibration of one truck, its overrides applied.
     pub fn truck_parameters(&self, truck: usize) -> TruckParameters {
         let nominal = TruckParameters::default();
         let own = self.trucks.get(&truck.to_string()).copied().unwrap_or_default();
@@ -181,6 +234,27 @@ impl Scenario {
             own.drive_lag_s.unwrap_or(nominal.drive_lag_s),
             self.plant.friction,
         )
+    }
+
+    /// The two-track calibration of a truck of a mass and a drive lag, on this road.
+    fn two_track(&self, truck: &TruckParameters) -> TwoTrackParameters {
+        let (nominal, road) = (TwoTrackParameters::new(truck.mass_kg), &self.road);
+        let mut surroundings = Surroundings::level(self.plant.friction)
+            .with_patches(road.friction_patches.iter().copied());
+        surroundings.grade = 0.01 * road.grade_percent;
+        surroundings.banking = 0.01 * road.banking_percent;
+        (surroundings.wind_x_mps, surroundings.wind_y_mps) = (road.wind_x_mps, road.wind_y_mps);
+        TwoTrackParameters {
+            drive_lag_s: truck.drive_lag_s,
+            driven: self.plant.driven_axles,
+            power_max_w: self.plant.power_max_w,
+            rear_tyre: TyreParameters {
+                cornering_scale: self.plant.rear_cornering_scale,
+                ..nominal.rear_tyre
+            },
+            surroundings,
+            ..nominal
+        }
     }
 
     /// How long it runs \[ns\] of bench time.

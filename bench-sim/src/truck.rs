@@ -1,48 +1,46 @@
-//! The plant: a single-track truck with nonlinear tyres, integrated at the base step.
+//! The plant: what a truck is on the road, by one of three models.
 //!
-//! States are the body velocities and pose of the centre of gravity (CG), the drive force behind
-//! its lag and the road-wheel angle behind its lag and rate limit. Frames: road frame X along the
+//! | `plant.model` | what it is |
+//! |---|---|
+//! | `single-track` | [`SingleTrack`]: nonlinear bicycle, saturating tyres, load transfer; the default |
+//! | `two-track` | [`TwoTrack`]: four wheels, suspension, drive line, air brakes, road and wind |
+//! | `prediction` | [`Prediction`]: the linear bicycle the controller believes in, built again here |
+//!
+//! All take the same [`Command`] and show the same [`TruckState`]. Frames: road frame X along the
 //! road, Y to the left, heading counter-clockwise from X; body frame forward and left (ISO 8855).
-//!
-//! ```text
-//! m (u' - v r) = Fxf cos δ - Fyf sin δ + Fxr - c u² - f m g
-//! m (v' + u r) = Fxf sin δ + Fyf cos δ + Fyr
-//! I_z r'       = l_f (Fxf sin δ + Fyf cos δ) - l_r Fyr
-//! φ' = r,  X' = u cos φ - v sin φ,  Y' = u sin φ + v cos φ
-//! F' = (F_cmd - F) / τ_drive,  δ' = clamp((δ_cmd - δ) / τ_steer, ± rate)
-//! ```
-//!
-//! Newton and Euler in a rotating frame (Rajamani, *Vehicle Dynamics and Control*, 2nd ed.,
-//! section 2.3, without its small angles). It shares no equation with `law::bicycle`: the tyres
-//! saturate, the slip angles are exact, the axle loads follow the acceleration, and the
-//! resistances are 15 % higher.
-//!
-//! The truck never rolls backwards: brake and rolling resistance hold it at standstill and cannot
-//! push. Not modelled: roll, pitch dynamics, suspension, powertrain, road slope and curvature.
+//! None shares an equation or a parameter with the control law; `docs/plant.md` has the equations,
+//! the parameters with their sources, and what each is verified against.
 
-mod parameters;
-#[cfg(test)]
-mod tests;
-mod tyre;
+mod prediction;
+mod single_track;
+pub mod two_track;
 
-pub use parameters::{
-    FRONT_OVERHANG_M, NOMINAL_MASS_KG, REAR_OVERHANG_M, TruckParameters, WIDTH_M,
-};
-
-use parameters::GRAVITY_MPS2;
-use tyre::{Axle, WheelForce};
+pub use prediction::{Prediction, PredictionParameters};
+pub use single_track::{NOMINAL_MASS_KG, SingleTrack, TruckParameters};
+pub use two_track::{TwoTrack, TwoTrackParameters};
 
 use crate::rectangle::Rectangle;
 
-/// Sideways and yaw motion of a standing truck below this is rounded to rest \[m/s, rad/s\].
-const REST_SPEED: f64 = 1e-6;
+/// Standard gravity \[m/s²\].
+pub(crate) const GRAVITY_MPS2: f64 = 9.81;
 
-/// Everything of a truck that the equations of motion change.
+/// Distance from the CG to the front bumper \[m\]; ours.
+pub const FRONT_OVERHANG_M: f64 = 2.31;
+
+/// Distance from the CG to the rear bumper \[m\]; ours.
+pub const REAR_OVERHANG_M: f64 = 5.4;
+
+/// Width of the truck's box \[m\]; ours.
+pub const WIDTH_M: f64 = 2.5;
+
+/// What the bench sees of a truck's motion, whatever the model.
 ///
-/// Also used for its own time derivative, with every unit divided by a second.
+/// For the two bicycles it is also the whole of their state, and serves as its own time derivative
+/// with every unit divided by a second.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct TruckState {
-    /// Forward speed u of the CG in body axes \[m/s\], never negative.
+    /// Forward speed u of the CG in body axes \[m/s\]. Negative only for a truck of the two-track
+    /// model that slides back where nothing can hold it.
     pub forward_mps: f64,
     /// Lateral speed v of the CG in body axes \[m/s\], positive to the left.
     pub lateral_mps: f64,
@@ -61,6 +59,11 @@ pub struct TruckState {
 }
 
 impl TruckState {
+    /// A truck rolling straight along the road at `forward_mps`.
+    fn rolling(x_m: f64, y_m: f64, forward_mps: f64) -> Self {
+        Self { forward_mps, x_m, y_m, ..Self::default() }
+    }
+
     /// This state plus `dt_s` seconds of a derivative.
     fn plus(&self, rate: &Self, dt_s: f64) -> Self {
         Self {
@@ -73,6 +76,13 @@ impl TruckState {
             force_n: self.force_n + dt_s * rate.force_n,
             steer_rad: self.steer_rad + dt_s * rate.steer_rad,
         }
+    }
+
+    /// Speed along the road X' and across it Y' \[m/s\].
+    fn road_velocity_mps(&self) -> (f64, f64) {
+        let (sin, cos) = (libm::sin(self.heading_rad), libm::cos(self.heading_rad));
+        let (u, v) = (self.forward_mps, self.lateral_mps);
+        (u * cos - v * sin, u * sin + v * cos)
     }
 }
 
@@ -94,45 +104,93 @@ pub struct BodyAcceleration {
     pub lateral_mps2: f64,
 }
 
-/// One truck: its calibration, its state, and the acceleration it last had.
+/// How the sprung mass stands on its suspension, against a truck standing level (ISO 8855 signs).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Attitude {
+    /// Roll \[rad\], positive with the right side down.
+    pub roll_rad: f64,
+    /// Pitch \[rad\], positive with the nose down.
+    pub pitch_rad: f64,
+    /// Heave of the sprung mass's CG \[m\], positive up.
+    pub heave_m: f64,
+}
+
+/// Calibration of a truck, which also says by which model it moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one per truck, made once; a box would not be Copy")]
+pub enum Specification {
+    /// The nonlinear bicycle.
+    SingleTrack(TruckParameters),
+    /// Four wheels.
+    TwoTrack(TwoTrackParameters),
+    /// The linear bicycle.
+    Prediction(PredictionParameters),
+}
+
+impl From<TruckParameters> for Specification {
+    fn from(parameters: TruckParameters) -> Self {
+        Self::SingleTrack(parameters)
+    }
+}
+
+impl From<TwoTrackParameters> for Specification {
+    fn from(parameters: TwoTrackParameters) -> Self {
+        Self::TwoTrack(parameters)
+    }
+}
+
+impl From<PredictionParameters> for Specification {
+    fn from(parameters: PredictionParameters) -> Self {
+        Self::Prediction(parameters)
+    }
+}
+
+/// The model a truck moves by, with its memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one per truck, made once; a box would not be Copy")]
+enum Model {
+    SingleTrack(SingleTrack),
+    TwoTrack(TwoTrack),
+    Prediction(Prediction),
+}
+
+/// One truck: its model, and what the bench sees of it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Truck {
-    parameters: TruckParameters,
+    model: Model,
     state: TruckState,
     acceleration: BodyAcceleration,
 }
 
 impl Truck {
     /// A truck rolling straight ahead at `forward_mps`, without drive force.
-    pub fn new(parameters: TruckParameters, x_m: f64, y_m: f64, forward_mps: f64) -> Self {
-        let state = TruckState { forward_mps, x_m, y_m, ..TruckState::default() };
-        let mut truck = Self { parameters, state, acceleration: BodyAcceleration::default() };
-        truck.acceleration = truck.body_acceleration(&Command::default());
+    pub fn new(
+        specification: impl Into<Specification>,
+        x_m: f64,
+        y_m: f64,
+        forward_mps: f64,
+    ) -> Self {
+        let start = TruckState::rolling(x_m, y_m, forward_mps);
+        let model = match specification.into() {
+            Specification::SingleTrack(p) => Model::SingleTrack(SingleTrack::new(p, start)),
+            Specification::TwoTrack(p) => Model::TwoTrack(TwoTrack::new(p, &start)),
+            Specification::Prediction(p) => Model::Prediction(Prediction::new(p, start)),
+        };
+        let mut truck = Self { model, state: start, acceleration: BodyAcceleration::default() };
+        truck.observe();
         truck
     }
 
-    /// Advances the truck by `dt_s` seconds under a constant command, by one classical
-    /// Runge-Kutta step (RK4).
+    /// Advances the truck by `dt_s` seconds under a constant command.
     ///
     /// A stop inside the step is clipped to rest at the end of it, so standstill is exact.
     pub fn step(&mut self, command: &Command, dt_s: f64) {
-        let start = self.state;
-        let k1 = self.rate(&start, command);
-        let k2 = self.rate(&start.plus(&k1, 0.5 * dt_s), command);
-        let k3 = self.rate(&start.plus(&k2, 0.5 * dt_s), command);
-        let k4 = self.rate(&start.plus(&k3, dt_s), command);
-        self.state = start
-            .plus(&k1, dt_s / 6.0)
-            .plus(&k2, dt_s / 3.0)
-            .plus(&k3, dt_s / 3.0)
-            .plus(&k4, dt_s / 6.0);
-        self.come_to_rest();
-        self.acceleration = self.body_acceleration(command);
-    }
-
-    /// The truck's calibration.
-    pub fn parameters(&self) -> &TruckParameters {
-        &self.parameters
+        match &mut self.model {
+            Model::SingleTrack(model) => model.step(command, dt_s),
+            Model::TwoTrack(model) => model.step(command, dt_s),
+            Model::Prediction(model) => model.step(command, dt_s),
+        }
+        self.observe();
     }
 
     /// The truck's state.
@@ -145,10 +203,35 @@ impl Truck {
         &self.acceleration
     }
 
+    /// Mass \[kg\].
+    pub fn mass_kg(&self) -> f64 {
+        match &self.model {
+            Model::SingleTrack(model) => model.parameters().mass_kg,
+            Model::TwoTrack(model) => model.parameters().mass_kg,
+            Model::Prediction(model) => model.parameters().mass_kg,
+        }
+    }
+
+    /// Air drag plus rolling resistance at a forward speed \[N\], on a level road without wind.
+    pub fn resistance_n(&self, forward_mps: f64) -> f64 {
+        match &self.model {
+            Model::SingleTrack(model) => model.parameters().resistance_n(forward_mps),
+            Model::TwoTrack(model) => model.parameters().resistance_n(forward_mps),
+            Model::Prediction(model) => model.parameters().resistance_n(forward_mps),
+        }
+    }
+
+    /// How the sprung mass stands; level for the models without suspension.
+    pub fn attitude(&self) -> Attitude {
+        match &self.model {
+            Model::TwoTrack(model) => model.attitude(),
+            Model::SingleTrack(_) | Model::Prediction(_) => Attitude::default(),
+        }
+    }
+
     /// Speed along the road X' and across it Y' \[m/s\].
     pub fn road_velocity_mps(&self) -> (f64, f64) {
-        let rate = road_rate(&self.state);
-        (rate.0, rate.1)
+        self.state.road_velocity_mps()
     }
 
     /// The truck's box on the road.
@@ -163,106 +246,12 @@ impl Truck {
         )
     }
 
-    /// Clips what a passing stop left over: no backward speed, no endless decay at rest.
-    fn come_to_rest(&mut self) {
-        if self.state.forward_mps > 0.0 {
-            return;
-        }
-        self.state.forward_mps = 0.0;
-        if self.state.lateral_mps.abs() < REST_SPEED && self.state.yaw_radps.abs() < REST_SPEED {
-            self.state.lateral_mps = 0.0;
-            self.state.yaw_radps = 0.0;
-        }
+    /// Takes over what the model shows.
+    fn observe(&mut self) {
+        (self.state, self.acceleration) = match &self.model {
+            Model::SingleTrack(model) => (*model.state(), *model.acceleration()),
+            Model::TwoTrack(model) => (model.state(), *model.acceleration()),
+            Model::Prediction(model) => (*model.state(), *model.acceleration()),
+        };
     }
-
-    fn body_acceleration(&self, command: &Command) -> BodyAcceleration {
-        let rate = self.rate(&self.state, command);
-        BodyAcceleration {
-            forward_mps2: rate.forward_mps - self.state.lateral_mps * self.state.yaw_radps,
-            lateral_mps2: rate.lateral_mps + self.state.forward_mps * self.state.yaw_radps,
-        }
-    }
-
-    /// The equations of motion at the top of this file.
-    fn rate(&self, state: &TruckState, command: &Command) -> TruckState {
-        let p = &self.parameters;
-        let (u, v, r) = (state.forward_mps.max(0.0), state.lateral_mps, state.yaw_radps);
-        let (sin, cos) = (libm::sin(state.steer_rad), libm::cos(state.steer_rad));
-        let (front, rear) = self.axle_forces(state, sin, cos);
-        let front_left_n = front.along_n * sin + front.across_n * cos;
-        let driving_n = front.along_n * cos - front.across_n * sin + rear.along_n;
-        let mut forward_mps2 = (driving_n - p.resistance_n(u)) / p.mass_kg + v * r;
-        if state.forward_mps <= 0.0 {
-            forward_mps2 = forward_mps2.max(0.0);
-        }
-        let (x_mps, y_mps) = road_rate(state);
-        TruckState {
-            forward_mps: forward_mps2,
-            lateral_mps: (front_left_n + rear.across_n) / p.mass_kg - u * r,
-            yaw_radps: (p.front_axle_m * front_left_n - p.rear_axle_m * rear.across_n)
-                / p.yaw_inertia_kgm2,
-            heading_rad: r,
-            x_m: x_mps,
-            y_m: y_mps,
-            force_n: (command.force_n - state.force_n) / p.drive_lag_s,
-            steer_rad: ((command.steer_rad - state.steer_rad) / p.steer_lag_s)
-                .clamp(-p.steer_rate_max_radps, p.steer_rate_max_radps),
-        }
-    }
-
-    /// Forces of the front and rear axle, each in its wheel's frame.
-    ///
-    /// `sin` and `cos` are those of the road-wheel angle. Drive and brake force are shared by the
-    /// axles' loads, as brake-force distribution and all-wheel drive do. At standstill neither a
-    /// brake nor a drive force below the rolling resistance pushes: the wheels are held.
-    fn axle_forces(&self, state: &TruckState, sin: f64, cos: f64) -> (WheelForce, WheelForce) {
-        let p = &self.parameters;
-        let (u, v, r) = (state.forward_mps.max(0.0), state.lateral_mps, state.yaw_radps);
-        let rolls = u > 0.0 || state.force_n > p.resistance_n(0.0);
-        let force_n = if rolls { state.force_n } else { 0.0 };
-        let (front_load_n, rear_load_n) = self.axle_loads(force_n, u);
-        let front_share = front_load_n / (front_load_n + rear_load_n);
-        let front_left_mps = v + p.front_axle_m * r;
-        let front = Axle {
-            stiffness_n_per_rad: p.front_stiffness_n_per_rad,
-            friction: p.friction,
-            load_n: front_load_n,
-        }
-        .force(
-            force_n * front_share,
-            u * cos + front_left_mps * sin,
-            front_left_mps * cos - u * sin,
-        );
-        let rear = Axle {
-            stiffness_n_per_rad: p.rear_stiffness_n_per_rad,
-            friction: p.friction,
-            load_n: rear_load_n,
-        }
-        .force(force_n * (1.0 - front_share), u, v - p.rear_axle_m * r);
-        (front, rear)
-    }
-
-    /// Vertical loads of the front and rear axle \[N\].
-    ///
-    /// Static split plus the transfer m a h / L. The acceleration is that of the longitudinal
-    /// forces alone, limited to what friction allows: no algebraic loop through the tyres.
-    fn axle_loads(&self, force_n: f64, forward_mps: f64) -> (f64, f64) {
-        let p = &self.parameters;
-        let weight_n = p.mass_kg * GRAVITY_MPS2;
-        let limit_mps2 = p.friction * GRAVITY_MPS2;
-        let moving = if forward_mps > 0.0 { 1.0 } else { 0.0 };
-        let accel_mps2 = ((force_n - moving * p.resistance_n(forward_mps)) / p.mass_kg)
-            .clamp(-limit_mps2, limit_mps2);
-        let transfer_n = p.mass_kg * accel_mps2 * p.cg_height_m / p.wheelbase_m();
-        let front_n = weight_n * p.rear_axle_m / p.wheelbase_m() - transfer_n;
-        let front_n = front_n.clamp(0.0, weight_n);
-        (front_n, weight_n - front_n)
-    }
-}
-
-/// X' and Y' of the CG \[m/s\]; the forward speed of a stage that overshot a stop counts as zero.
-fn road_rate(state: &TruckState) -> (f64, f64) {
-    let (sin, cos) = (libm::sin(state.heading_rad), libm::cos(state.heading_rad));
-    let (u, v) = (state.forward_mps.max(0.0), state.lateral_mps);
-    (u * cos - v * sin, u * sin + v * cos)
 }

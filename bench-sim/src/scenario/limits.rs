@@ -2,9 +2,10 @@
 //!
 //! The ranges are what the bench can represent and simulate, not what is sensible to drive.
 
-use super::Scenario;
 use super::load::ScenarioError;
+use super::{Model, Plant, Road, Scenario};
 use crate::obstacle::LaneChange;
+use crate::truck::two_track::FRICTION_PATCHES_MAX;
 
 /// Most trucks of a platoon: what a recording has room for.
 pub const TRUCKS_MAX: usize = 16;
@@ -38,7 +39,7 @@ impl<'a> Checker<'a> {
         self.check_platoon(s)?;
         self.check_road(s)?;
         self.check_v2v(s)?;
-        self.within("plant.friction", s.plant.friction, 0.05, 1.5)?;
+        self.check_plant(s)?;
         self.within("sensors.noise", s.sensors.noise, 0.0, 100.0)?;
         self.within("sensors.range_m", s.sensors.range_m, 1.0, 500.0)?;
         self.within("sensors.behind_m", s.sensors.behind_m, 0.0, 500.0)?;
@@ -64,6 +65,64 @@ impl<'a> Checker<'a> {
         self.within("road.right_edge_y_m", r.right_edge_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
         let lowest_m = r.right_edge_y_m + r.lane_width_m;
         self.within("road.left_edge_y_m", r.left_edge_y_m, lowest_m, SIDE_MAX_M)
+    }
+
+    fn check_plant(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let (p, r) = (&s.plant, &s.road);
+        self.within("plant.friction", p.friction, 0.05, 1.5)?;
+        self.within("plant.power_max_w", p.power_max_w, 1e3, 1e7)?;
+        self.within("plant.rear_cornering_scale", p.rear_cornering_scale, 0.2, 5.0)?;
+        self.within("road.grade_percent", r.grade_percent, -30.0, 30.0)?;
+        self.within("road.banking_percent", r.banking_percent, -30.0, 30.0)?;
+        self.within("road.wind_x_mps", r.wind_x_mps, -40.0, 40.0)?;
+        self.within("road.wind_y_mps", r.wind_y_mps, -40.0, 40.0)?;
+        if r.friction_patches.len() > FRICTION_PATCHES_MAX {
+            let allowed = format!("at most {FRICTION_PATCHES_MAX}");
+            return Err(self.impossible(
+                "road.friction_patches",
+                r.friction_patches.len(),
+                allowed,
+            ));
+        }
+        for (index, patch) in r.friction_patches.iter().enumerate() {
+            let key = |field: &str| format!("road.friction_patches.{}.{field}", index + 1);
+            self.within(&key("from_x_m"), patch.from_x_m, -100_000.0, 100_000.0)?;
+            self.within(&key("until_x_m"), patch.until_x_m, patch.from_x_m, 100_000.0)?;
+            self.within(&key("friction"), patch.friction, 0.05, 1.5)?;
+        }
+        self.check_two_track_only(s)
+    }
+
+    /// Refuses what the plant chosen would silently ignore.
+    fn check_two_track_only(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        if s.plant.model == Model::TwoTrack {
+            return Ok(());
+        }
+        let plant = |p: &Plant| {
+            [
+                ("plant.power_max_w", p.power_max_w.to_string()),
+                ("plant.driven_axles", format!("{:?}", p.driven_axles).to_lowercase()),
+                ("plant.rear_cornering_scale", p.rear_cornering_scale.to_string()),
+            ]
+        };
+        let road = |r: &Road| {
+            [
+                ("road.grade_percent", r.grade_percent.to_string()),
+                ("road.banking_percent", r.banking_percent.to_string()),
+                ("road.wind_x_mps", r.wind_x_mps.to_string()),
+                ("road.wind_y_mps", r.wind_y_mps.to_string()),
+                ("road.friction_patches", r.friction_patches.len().to_string()),
+            ]
+        };
+        let set = plant(&s.plant).into_iter().chain(road(&s.road));
+        let plain = plant(&Plant::default()).into_iter().chain(road(&Road::default()));
+        match set.zip(plain).find(|((_, value), (_, plain))| value != plain) {
+            None => Ok(()),
+            Some(((key, value), (_, plain))) => {
+                let allowed = format!("{plain}, unless plant.model is \"two-track\"");
+                Err(self.impossible(key, value, allowed))
+            }
+        }
     }
 
     fn check_v2v(&self, s: &Scenario) -> Result<(), ScenarioError> {

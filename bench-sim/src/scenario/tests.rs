@@ -108,7 +108,7 @@ fn unknown_keys_and_wrong_types_are_refused_with_what_is_allowed() {
     refused("platoon.trucks", "4.5", &["platoon.trucks=4.5"]);
     refused("platoon.trucks", "-4", &["platoon.trucks=-4"]);
     refused("platoon.trucks.x", "4", &["platoon.trucks is a value"]);
-    refused("plant.model", "two-track", &["two-track", "single-track"]);
+    refused("plant.model", "four-track", &["four-track", "single-track", "two-track"]);
     refused("obstacles.3.x_m", "1", &["obstacles.1 to obstacles.2"]);
     refused("obstacles.0.x_m", "1", &["obstacles.1 to obstacles.2"]);
     refused("obstacles.first.x_m", "1", &["obstacles.1 to obstacles.2"]);

@@ -136,9 +136,8 @@ impl CommandWatch {
             }
             Mode::Stopping => {
                 // The brake does what the resistances leave to do.
-                let p = truck.parameters();
-                let resistance_n = p.resistance_n(truck.state().forward_mps);
-                let force_n = (resistance_n - STOP_DECEL_MPS2 * p.mass_kg).min(0.0);
+                let resistance_n = truck.resistance_n(truck.state().forward_mps);
+                let force_n = (resistance_n - STOP_DECEL_MPS2 * truck.mass_kg()).min(0.0);
                 Command { force_n, steer_rad: 0.0 }
             }
         }

@@ -1,11 +1,10 @@
-//! What a truck is made of: the numbers of the plant, with their sources.
+//! What the single-track truck is made of, with the sources of its numbers.
 //!
 //! The nominal chassis numbers are the paper's (Table I of the MCF paper). They stand in
 //! `law::bicycle` too, on purpose and separately: the controller's belief and the plant share no
 //! parameter struct. Everything the paper does not print is ours and says so.
 
-/// Standard gravity \[m/s²\].
-pub(crate) const GRAVITY_MPS2: f64 = 9.81;
+use super::GRAVITY_MPS2;
 
 /// Mass the paper prints \[kg\].
 pub const NOMINAL_MASS_KG: f64 = 5760.0;
@@ -22,15 +21,6 @@ const BELIEVED_ROLLING: f64 = 0.006;
 /// How far the plant's resistances stand above the believed ones; ours, so that the controller is
 /// never right by construction.
 const RESISTANCE_MISMATCH: f64 = 1.15;
-
-/// Distance from the CG to the front bumper \[m\]; ours.
-pub const FRONT_OVERHANG_M: f64 = 2.31;
-
-/// Distance from the CG to the rear bumper \[m\]; ours.
-pub const REAR_OVERHANG_M: f64 = 5.4;
-
-/// Width of the truck's box \[m\]; ours.
-pub const WIDTH_M: f64 = 2.5;
 
 /// Calibration of one single-track truck.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,15 +1,15 @@
-//! The plant against closed forms and physical sense.
+//! The nonlinear bicycle against closed forms and physical sense.
 
 use super::*;
 
 const STEP_S: f64 = 1e-3;
 
-fn truck_at(forward_mps: f64) -> Truck {
-    Truck::new(TruckParameters::default(), 0.0, 0.0, forward_mps)
+fn truck_at(forward_mps: f64) -> SingleTrack {
+    SingleTrack::new(TruckParameters::default(), TruckState::rolling(0.0, 0.0, forward_mps))
 }
 
 /// A force that holds the speed, for tests that need a steady state.
-fn holding(truck: &Truck, forward_mps: f64, steer_rad: f64) -> Command {
+fn holding(truck: &SingleTrack, forward_mps: f64, steer_rad: f64) -> Command {
     let error_mps = forward_mps - truck.state().forward_mps;
     let force_n = truck.parameters().resistance_n(forward_mps) + 20_000.0 * error_mps;
     Command { force_n, steer_rad }
@@ -61,10 +61,11 @@ fn coasting_down_matches_the_analytic_solution() {
 fn energy_lost_equals_work_done() {
     let mut truck = truck_at(20.0);
     let p = *truck.parameters();
-    let energy_j = |t: &Truck| 0.5 * p.mass_kg * t.state().forward_mps * t.state().forward_mps;
+    let energy_j =
+        |t: &SingleTrack| 0.5 * p.mass_kg * t.state().forward_mps * t.state().forward_mps;
     let (start_j, mut work_j) = (energy_j(&truck), 0.0);
     let command = Command { force_n: -8_000.0, steer_rad: 0.0 };
-    let power_w = |t: &Truck| {
+    let power_w = |t: &SingleTrack| {
         let s = t.state();
         (s.force_n - p.resistance_n(s.forward_mps)) * s.forward_mps
     };
@@ -80,7 +81,8 @@ fn energy_lost_equals_work_done() {
 #[test]
 fn braking_cannot_exceed_friction() {
     for friction in [0.2, 0.5, 0.85] {
-        let mut truck = Truck::new(TruckParameters::new(5760.0, 0.25, friction), 0.0, 0.0, 25.0);
+        let parameters = TruckParameters::new(5760.0, 0.25, friction);
+        let mut truck = SingleTrack::new(parameters, TruckState::rolling(0.0, 0.0, 25.0));
         let command = Command { force_n: -1e6, steer_rad: 0.0 };
         let mut hardest_mps2: f64 = 0.0;
         for _ in 0..2_000 {

@@ -1,0 +1,1 @@
+//! The two-track truck against theory.
