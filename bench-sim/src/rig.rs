@@ -159,7 +159,7 @@ impl Rig {
     #[must_use]
     pub fn speaking(mut self, profile: Profile) -> Self {
         for (node, truck) in self.nodes.iter_mut().zip(&self.trucks) {
-            let vehicle = Vehicle { mass_kg: truck.parameters().mass_kg, ..Vehicle::default() };
+            let vehicle = Vehicle { mass_kg: truck.mass_kg(), ..Vehicle::default() };
             node.speak(profile, vehicle);
         }
         self
