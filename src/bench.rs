@@ -8,13 +8,13 @@ use bench_sim::rig::{self, Progress, RunEnd, RunOptions, RunReport};
 use bench_sim::{Results, Rig, Scenario};
 use controller_rt::{Config, Ecu, Realtime, Report};
 use law::Calibration;
-use platoon_dbc::{Bus, Clock, Loopback};
+use platoon_dbc::{Bus, Clock, Emulated, Loopback};
 use serde::{Deserialize, Serialize};
 use traces::{Overflow, Recorder, Source};
 
 use crate::bus::BusChoice;
 use crate::calibration;
-use crate::cli::{BenchArgs, RunArgs, V2vDelay};
+use crate::cli::{BenchArgs, BusTimingKind, RunArgs, V2vDelay};
 use crate::clock::{HostClock, wall_ns};
 use crate::failure::Failure;
 use crate::process;
@@ -98,10 +98,10 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     for truck in 0..trucks as u8 {
         if args.host.contains(&truck) {
             let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
-            ends.push(Box::new(rig_end));
+            ends.push(timed(Box::new(rig_end), &args.run));
             hosted.push(host(args, calibration, &folder, truck, ecu_end, &stop)?);
         } else {
-            ends.push(bus.open_for_rig(truck)?);
+            ends.push(timed(bus.open_for_rig(truck)?, &args.run));
         }
     }
     let names = process::bus_names(&ends);
@@ -118,6 +118,14 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     Ok(if passed { Verdict::Pass } else { Verdict::Fail })
 }
 
+/// The rig's end of a bus, which takes its time if that is asked for.
+fn timed(bus: Box<dyn Bus>, run: &RunArgs) -> Box<dyn Bus> {
+    match run.bus_timing {
+        BusTimingKind::Ideal => bus,
+        BusTimingKind::Emulate => Box::new(Emulated::new(bus, run.profile.timing())),
+    }
+}
+
 /// The rig's loop, and the end of everything it hosts.
 fn drive(
     mut rig: Rig,
@@ -128,7 +136,8 @@ fn drive(
     let clock = HostClock::default();
     let obtained = process::become_realtime(process::RIG_PRIORITY, args.cpu);
     let wall_minus_clock_ns = Some(wall_ns().wrapping_sub(clock.now_ns()));
-    let options = RunOptions { wall_minus_clock_ns, ..RunOptions::new(&clock, stop) };
+    let serves_buses = args.run.bus_timing == BusTimingKind::Emulate;
+    let options = RunOptions { wall_minus_clock_ns, serves_buses, ..RunOptions::new(&clock, stop) };
     let line = ProgressLine::new(rig.scenario().duration_s);
     let pace = rig::run(&mut rig, &options, &mut |progress| show(progress, args.supervised, &line));
     line.clear();

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use platoon_dbc::Profile;
+use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
 use crate::fault::Fault;
@@ -90,6 +91,10 @@ pub struct RunArgs {
     /// Rate of the control loop in Hz (default: 1000, or 100 with --profile j1939).
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(10..=10_000))]
     pub rate_hz: Option<u32>,
+    /// Whether frames arrive at once, or take the time of a real bus with the profile's bit rates,
+    /// in the order of arbitration.
+    #[arg(long, value_enum, default_value_t = BusTimingKind::Ideal)]
+    pub bus_timing: BusTimingKind,
     /// Seed of everything random.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
@@ -256,6 +261,26 @@ pub enum BusKind {
     Udp,
     /// In memory, virtual time only.
     Loopback,
+}
+
+/// How long frames take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum BusTimingKind {
+    /// No time but what the machine takes.
+    Ideal,
+    /// What a real bus with the profile's bit rates would make them wait and take.
+    Emulate,
+}
+
+impl BusTimingKind {
+    /// The word on the command line.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Emulate => "emulate",
+        }
+    }
 }
 
 /// Controllers.

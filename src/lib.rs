@@ -10,7 +10,7 @@ compile_error!("platoon needs Linux: SocketCAN, real-time scheduling and its clo
 
 mod bench;
 mod bus;
-mod bus_load;
+pub mod bus_plan;
 mod calibration;
 mod cli;
 mod clock;

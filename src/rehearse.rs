@@ -19,7 +19,7 @@ use vcan_setup::realtime::environment;
 use crate::bench::load_scenario;
 use crate::bus::BusChoice;
 use crate::calibration;
-use crate::cli::{BusKind, EcuChoice, RehearseArgs};
+use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs};
 use crate::failure::Failure;
 use crate::process;
 use crate::run_folder::RunFolder;
@@ -103,6 +103,11 @@ impl<'a> Plan<'a> {
         self.args.virtual_time || self.args.bus == BusKind::Loopback
     }
 
+    /// Whether frames take the time of a real bus.
+    fn is_emulated(&self) -> bool {
+        self.args.run.bus_timing == BusTimingKind::Emulate
+    }
+
     fn trucks(&self) -> usize {
         self.scenario.platoon.trucks
     }
@@ -150,6 +155,8 @@ impl<'a> Plan<'a> {
             ecus: outcome.ecus,
             floor: outcome.floor.as_ref(),
             bus: (bus.backend().into(), bus.reason.clone(), bus.interfaces(self.trucks())),
+            profile: self.args.run.profile,
+            bus_timing: self.args.run.bus_timing,
             elapsed_s,
             notes: outcome.notes,
             interrupted: outcome.interrupted,

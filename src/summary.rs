@@ -1,5 +1,6 @@
 //! What a rehearsal ends with: one value, for programs as JSON and for people as a page of text.
 
+mod bus;
 mod page;
 
 use std::collections::BTreeMap;
@@ -7,11 +8,14 @@ use std::collections::BTreeMap;
 use bench_sim::rig::RunReport;
 use bench_sim::{ChannelReport, Criterion, NodeCounts, Results, Scenario, TruckResult};
 use controller_rt::{Ending, Report};
+use platoon_dbc::Profile;
 use serde::{Deserialize, Serialize};
 use vcan_setup::floor::Floor;
 
-use crate::bus_load::BusLoad;
+use crate::cli::BusTimingKind;
 use crate::timing::{Share, TimingVerdict, judge};
+
+pub use bus::{BusSummary, Observed};
 
 /// The summary of one run. Field names are a contract; see the README.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -68,21 +72,6 @@ pub enum Verdict {
     Fail,
 }
 
-/// The bus of a run.
-#[derive(Debug, Clone, Serialize, Deserialize)]
-pub struct BusSummary {
-    /// socketcan, udp or loopback.
-    pub backend: String,
-    /// Why this one.
-    pub reason: String,
-    /// Each truck's.
-    pub interfaces: Vec<String>,
-    /// Worst-case share of each bus's time at the bit rates of the plan.
-    pub load_percent: Vec<f64>,
-    /// Whether all of it would fit a real bus.
-    pub fits: bool,
-}
-
 /// How late the bare machine wakes a thread \[µs\].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MachineFloor {
@@ -127,6 +116,10 @@ pub struct Ingredients<'a> {
     pub floor: Option<&'a Floor>,
     /// Backend, reason and interfaces.
     pub bus: (String, String, Vec<String>),
+    /// How it carried messages.
+    pub profile: Profile,
+    /// Whether frames took their time.
+    pub bus_timing: BusTimingKind,
     /// How long the run took \[s\].
     pub elapsed_s: f64,
     /// What happened that was not asked for.
@@ -139,8 +132,9 @@ pub struct Ingredients<'a> {
 
 impl Summary {
     /// Judges a run.
-    pub fn new(run: Ingredients<'_>) -> Self {
-        let results = run.results.unwrap_or_default();
+    pub fn new(mut run: Ingredients<'_>) -> Self {
+        let results = run.results.take().unwrap_or_default();
+        let bus = BusSummary::new(&run, &results.wires);
         let mut notes = run.notes;
         let mut criteria = results.criteria;
         criteria.extend(qp_criterion(run.scenario, &run.ecus));
@@ -153,8 +147,6 @@ impl Summary {
         }
         let complete = !run.interrupted && missing == 0 && !results.trucks.is_empty();
         let passed = complete && criteria.iter().all(|criterion| criterion.passed);
-        let load = BusLoad::of(run.scenario, run.rate_hz);
-        let (backend, reason, interfaces) = run.bus;
         let period_ns = 1_000_000_000 / u64::from(run.rate_hz.max(1));
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -164,13 +156,7 @@ impl Summary {
             solver: run.solver.into(),
             verdict: if passed { Verdict::Pass } else { Verdict::Fail },
             timing_verdict: timing(&run.ecus, run.floor, period_ns),
-            bus: BusSummary {
-                backend,
-                reason,
-                interfaces,
-                load_percent: load.percent,
-                fits: load.fits,
-            },
+            bus,
             duration_s: results.duration_s,
             elapsed_s: run.elapsed_s,
             trucks: results.trucks,

@@ -32,7 +32,7 @@ use crate::truck::{Command, Truck};
 use crate::truck_node::{Tap, TruckNode};
 
 pub use realtime::{Progress, RunEnd, RunError, RunOptions, RunReport, run};
-pub use results::Results;
+pub use results::{IdentifierResult, Results, WireResult};
 
 /// Longest base step \[ns\].
 const BASE_STEP_MAX_NS: u64 = 1_000_000;
@@ -196,6 +196,13 @@ impl Rig {
         self.nodes.iter().all(|node| node.ecu_mode == Some(EcuMode::Ended) && !node.is_waiting())
     }
 
+    /// Tells every bus that it is this late \[ns of bench time\]: emulated ones carry their frames.
+    pub fn service(&mut self, time_ns: u64) {
+        for node in &mut self.nodes {
+            node.service(time_ns);
+        }
+    }
+
     /// Starts the run: bench time 0, mission running, tick 0. What came before is forgotten.
     pub fn start(&mut self) {
         for node in &mut self.nodes {
@@ -217,6 +224,7 @@ impl Rig {
     /// Advances the rig by `steps` base steps after one look at the buses, and publishes what is
     /// due at the end of them. Stops at the end of the scenario.
     pub fn advance(&mut self, steps: u64) {
+        self.service(self.time_ns() + steps * self.grid.step_ns);
         self.drain();
         let left = self.steps_total().saturating_sub(self.steps);
         let steps = steps.min(left);
@@ -237,6 +245,9 @@ impl Rig {
     pub fn end(&mut self) {
         self.run_state = RunState::Ended;
         self.publish_mission();
+        for node in &mut self.nodes {
+            node.end();
+        }
     }
 
     /// Bench time \[ns\].

@@ -111,6 +111,17 @@ impl TruckNode {
         let unrecorded = self.counts.unrecorded;
         self.counts = NodeCounts { unrecorded, ..NodeCounts::default() };
         self.watch = CommandWatch::new(tick_period_ns);
+        self.bus.begin();
+    }
+
+    /// Tells the bus how late it is \[ns of bench time\].
+    pub(crate) fn service(&mut self, time_ns: u64) {
+        self.bus.set_bench_time(time_ns);
+    }
+
+    /// Tells the bus that bench time has come to its end.
+    pub(crate) fn end(&mut self) {
+        self.bus.end();
     }
 
     /// Counts a wake-up that integrates `span_ns` after draining.

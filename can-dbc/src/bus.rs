@@ -1,13 +1,17 @@
 //! The bus: one trait, three back-ends, and what can happen on any of them.
 
+mod emulated;
 mod kernel_socket;
 mod loopback;
 mod port_lease;
+mod queueing;
 mod socketcan;
 mod udp;
 
+pub use emulated::Emulated;
 pub use loopback::Loopback;
 pub use port_lease::PortLease;
+pub use queueing::Queueing;
 pub use socketcan::SocketCan;
 pub use udp::{Udp, UdpOptions};
 
@@ -79,10 +83,22 @@ pub trait Bus: Send {
     /// Totals so far.
     fn counts(&self) -> BusCounts;
 
-    /// Tells the bench time that following frames are sent at.
+    /// Tells the bench time, at which following frames are sent. To be called with times in order.
     ///
-    /// Only a bus in virtual time needs it, to stamp them; the others have the kernel's clock.
+    /// A bus in virtual time stamps frames with it, and to an [`Emulated`] one it is the clock; the
+    /// others have the kernel's.
     fn set_bench_time(&mut self, _time_ns: u64) {}
+
+    /// Tells that the run begins, at bench time 0.
+    fn begin(&mut self) {}
+
+    /// Tells that the run is over and bench time stands still.
+    fn end(&mut self) {}
+
+    /// How long frames took on an [`Emulated`] bus since the run began, by identifier.
+    fn queueing(&self) -> &[Queueing] {
+        &[]
+    }
 }
 
 impl<B: Bus + ?Sized> Bus for Box<B> {
@@ -109,6 +125,15 @@ impl<B: Bus + ?Sized> Bus for Box<B> {
     }
     fn set_bench_time(&mut self, time_ns: u64) {
         (**self).set_bench_time(time_ns);
+    }
+    fn begin(&mut self) {
+        (**self).begin();
+    }
+    fn end(&mut self) {
+        (**self).end();
+    }
+    fn queueing(&self) -> &[Queueing] {
+        (**self).queueing()
     }
 }
 

@@ -36,8 +36,8 @@ mod profile;
 mod time;
 
 pub use bus::{
-    Backend, Bus, BusCounts, ErrorFrameCounts, Loopback, OpenError, PortLease, ReceiveError,
-    Received, SendError, SocketCan, Udp, UdpOptions,
+    Backend, Bus, BusCounts, Emulated, ErrorFrameCounts, Loopback, OpenError, PortLease, Queueing,
+    ReceiveError, Received, SendError, SocketCan, Udp, UdpOptions,
 };
 pub use bus_time::BusTiming;
 pub use codec::{

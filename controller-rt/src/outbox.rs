@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// Bench time between two `V2vOut` \[ns\].
 pub const BROADCAST_PERIOD_NS: u64 = 20_000_000;
-/// Clock time between two `EcuStatus` \[ns\].
+/// Time between two `EcuStatus` \[ns\]: of the clock before the run, of the bench in it.
 pub const STATUS_PERIOD_NS: u64 = 100_000_000;
 /// Largest miss count `EcuStatus` can carry (24 bits).
 const MISSES_MAX: u64 = 0xFF_FFFF;
@@ -122,7 +122,7 @@ impl Outbox {
         self.send(bus, &Message::V2vOut(state), now_ns);
     }
 
-    /// Sends the ECU's status when 100 ms of the clock have passed.
+    /// Sends the ECU's status when 100 ms have passed.
     pub fn status(&mut self, bus: &mut dyn Bus, now_ns: u64, mode: EcuMode, health: Health) {
         if now_ns >= self.next_status_ns {
             self.status_now(bus, now_ns, mode, health);

@@ -383,6 +383,7 @@ fn rig_arguments(
     let mut words = vec!["bench".into(), path_word(&folder.scenario())];
     words.extend(["--rate-hz".into(), plan.rate_hz.to_string()]);
     words.extend(["--seed".into(), run.seed.to_string()]);
+    words.extend(["--bus-timing".into(), run.bus_timing.word().into()]);
     let separate: Vec<u8> = separate_ecus(plan).collect();
     let hosted = (0..plan.trucks() as u8).filter(|truck| !separate.contains(truck));
     words.extend(hosted.flat_map(|truck| ["--host".into(), truck.to_string()]));

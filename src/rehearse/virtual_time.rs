@@ -1,10 +1,14 @@
 //! A rehearsal in virtual time: one thread alternates rig and ECUs, bit-identical for a seed.
+//!
+//! On ideal buses an ECU ticks right after the rig has published, and its command is there at once.
+//! On emulated ones it ticks half a period later, as in real time, with what has arrived by then;
+//! its own frames take their time too. Thinking takes no time in either.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use bench_sim::Rig;
 use controller_rt::{Config, Ecu, Slot};
-use platoon_dbc::{Bus, Clock, Loopback};
+use platoon_dbc::{Bus, Clock, EcuMode, Emulated, Loopback};
 use traces::{Overflow, Source};
 
 use super::{Outcome, Plan};
@@ -59,7 +63,12 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
     let mut ecus = Vec::new();
     for truck in 0..plan.trucks() as u8 {
         let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
-        ends.push(Box::new(rig_end));
+        ends.push(if plan.is_emulated() {
+            let timing = plan.args.run.profile.timing();
+            Box::new(Emulated::new(rig_end, timing).stamping_bench_time())
+        } else {
+            Box::new(rig_end)
+        });
         let source = Source::Ecu(truck);
         let interfaces = vec![ecu_end.name().to_owned()];
         let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
@@ -93,19 +102,32 @@ fn alternate(
     let mut interrupted = false;
     while !rig.finished() && !interrupted {
         let tick = rig.tick();
-        let time_s = rig.time_ns() as f64 * 1e-9;
+        let time_ns = rig.time_ns();
+        let time_s = time_ns as f64 * 1e-9;
+        let middle_ns = time_ns + period_ns / 2;
+        let steps_before = if plan.is_emulated() { rig.steps_per_tick() / 2 } else { 0 };
+        for _ in 0..steps_before {
+            rig.step();
+        }
+        if plan.is_emulated() {
+            rig.service(middle_ns);
+        }
         for (truck, slot) in ecus.iter_mut().enumerate() {
             match stopped(&plan.args.fault, truck as u8, time_s) {
                 Some(FaultKind::KillEcu) => drop(slot.take()),
                 Some(FaultKind::PauseEcu { .. }) => (),
                 None => {
                     if let Some(ecu) = slot {
-                        ecu.tick(Slot::on_time(tick, period_ns, clock), clock);
+                        tick_if_running(ecu, Slot::on_time(tick, period_ns, clock), clock);
                     }
                 }
             }
         }
-        for _ in 0..rig.steps_per_tick() {
+        if plan.is_emulated() {
+            // What the ECUs have just sent is queued now.
+            rig.service(middle_ns);
+        }
+        for _ in steps_before..rig.steps_per_tick() {
             rig.step();
         }
         if tick.is_multiple_of(TICKS_PER_LOOK) {
@@ -115,6 +137,17 @@ fn alternate(
     }
     line.clear();
     interrupted
+}
+
+/// An ECU that has not heard of the run yet keeps waiting for it.
+fn tick_if_running(ecu: &mut Ecu, slot: Slot, clock: &dyn Clock) {
+    let is_waiting = |ecu: &Ecu| matches!(ecu.mode(), EcuMode::Waiting | EcuMode::Ready);
+    if is_waiting(ecu) {
+        ecu.prepare(clock);
+    }
+    if !is_waiting(ecu) {
+        ecu.tick(slot, clock);
+    }
 }
 
 /// The fault that keeps an ECU from ticking now.

@@ -5,8 +5,10 @@ use std::fmt::Write;
 use anstyle::{AnsiColor, Style};
 use comfy_table::{CellAlignment, Table};
 use controller_rt::{Percentiles, Report};
+use platoon_dbc::BusTiming;
 
 use super::{Summary, Verdict};
+use crate::cli::BusTimingKind;
 use crate::timing::TimingVerdict;
 
 /// A line under the header and nothing else.
@@ -25,6 +27,7 @@ pub(super) fn page(summary: &Summary) -> String {
     let _ = verdict(&mut page, summary);
     let _ = trucks(&mut page, summary);
     let _ = criteria(&mut page, summary);
+    let _ = observed(&mut page, summary);
     let _ = timing(&mut page, summary);
     let _ = rest(&mut page, summary);
     page
@@ -41,9 +44,7 @@ fn verdict(page: &mut String, summary: &Summary) -> std::fmt::Result {
         summary.scenario, summary.seed, summary.rate_hz, summary.duration_s, summary.elapsed_s
     )?;
     writeln!(page, "bus    {} ({})", summary.bus.backend, summary.bus.reason)?;
-    let most = summary.bus.load_percent.iter().copied().fold(0.0, f64::max);
-    let fits = if summary.bus.fits { "fits" } else { "does not fit" };
-    writeln!(page, "       as CAN FD at 500k/2M bit/s: {most:.0} % of the fullest bus, {fits}")?;
+    bus(page, summary)?;
     if let (Some(min), Some(max)) = (summary.v2v.delay_min_s, summary.v2v.delay_max_s) {
         let rate = summary.v2v.max_abs_rate.unwrap_or(0.0);
         writeln!(
@@ -57,6 +58,53 @@ fn verdict(page: &mut String, summary: &Summary) -> std::fmt::Result {
         )?;
     }
     Ok(())
+}
+
+/// Whether a real bus would do, and how long frames wait for it.
+fn bus(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let bus = &summary.bus;
+    let rates = BusTiming::fd(bus.bit_rate_hz, bus.data_bit_rate_hz.unwrap_or(bus.bit_rate_hz));
+    let kind = if bus.data_bit_rate_hz.is_some() { "CAN FD" } else { "classic CAN" };
+    let most = bus.load_percent.iter().copied().fold(0.0, f64::max);
+    let fits = match (bus.fits, &bus.fitting_rate) {
+        (true, Some(slowest)) if *slowest == rates.to_string() => {
+            "fits, nothing slower would".into()
+        }
+        (true, Some(slowest)) => format!("fits, as it would at {slowest}"),
+        (true, None) => "fits".into(),
+        (false, Some(slowest)) => format!("does not fit, but would at {slowest}"),
+        (false, None) => "does not fit, nor at any common rate".into(),
+    };
+    let timing = match bus.timing {
+        BusTimingKind::Ideal => "as",
+        BusTimingKind::Emulate => "emulating",
+    };
+    writeln!(
+        page,
+        "       {timing} {kind} at {rates} bit/s: {most:.0} % of the fullest bus, {fits}"
+    )?;
+    if bus.overflowed > 0 {
+        writeln!(page, "       {BAD}{} frames lost{BAD:#}: the bus was full", bus.overflowed)?;
+    }
+    Ok(())
+}
+
+/// How long the messages took on emulated buses.
+fn observed(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    if summary.bus.observed.is_empty() {
+        return Ok(());
+    }
+    let mut table = new_table(&["µs", "frames", "p99", "max", "bound"]);
+    for seen in &summary.bus.observed {
+        table.add_row([
+            seen.message.clone(),
+            seen.frames.to_string(),
+            micro(seen.p99_us),
+            micro(seen.max_us),
+            seen.bound_us.map_or("none".into(), micro),
+        ]);
+    }
+    section(page, "Emulated buses: from queueing to arrival", &table)
 }
 
 fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {

@@ -2,6 +2,11 @@
 //!
 //! When the rig wakes late it integrates every missed step and publishes only the latest state, so
 //! bench time never lags the clock by more than one wake-up.
+//!
+//! Buses that pretend to have a bit rate are served between the steps as well, without integrating:
+//! what they have carried is handed on, what the ECUs sent meanwhile is queued. A frame is later
+//! than on a real bus by up to two such intervals, one for being found and one for being handed on,
+//! and by what the rig wakes late; [`RunReport::service_gap_ns_max`] tells the longest interval.
 
 use core::sync::atomic::{AtomicBool, Ordering};
 
@@ -21,6 +26,9 @@ const LAST_LOOKS_MAX: u32 = 20;
 /// How long ECUs may take to get ready, unless told otherwise \[ns\].
 const READY_TIMEOUT_NS: u64 = 10_000_000_000;
 
+/// Time between two services of emulated buses \[ns\].
+const SERVICE_NS: u64 = 250_000;
+
 /// What a real-time run needs of its surroundings.
 #[derive(Clone, Copy)]
 pub struct RunOptions<'a> {
@@ -33,12 +41,20 @@ pub struct RunOptions<'a> {
     /// Wall clock (since 1970) minus `clock` \[ns\], for the recording's start time; `None` leaves
     /// the recorder as it is.
     pub wall_minus_clock_ns: Option<u64>,
+    /// Whether buses are emulated and must be served between the steps.
+    pub serves_buses: bool,
 }
 
 impl<'a> RunOptions<'a> {
-    /// Ten seconds to get ready, and the recorder's start time left alone.
+    /// Ten seconds to get ready, the recorder's start time left alone, no emulated bus.
     pub fn new(clock: &'a dyn Clock, stop: &'a AtomicBool) -> Self {
-        Self { clock, stop, ready_timeout_ns: READY_TIMEOUT_NS, wall_minus_clock_ns: None }
+        Self {
+            clock,
+            stop,
+            ready_timeout_ns: READY_TIMEOUT_NS,
+            wall_minus_clock_ns: None,
+            serves_buses: false,
+        }
     }
 }
 
@@ -84,6 +100,10 @@ pub struct RunReport {
     pub caught_up_steps: u64,
     /// Latest wake-up after its deadline \[ns\].
     pub lateness_ns_max: u64,
+    /// Longest time between two services of emulated buses \[ns\]; 0 when none is emulated.
+    pub service_gap_ns_max: u64,
+    /// Services of emulated buses that came more than an interval late.
+    pub late_services: u64,
 }
 
 /// Why a run did not start.
@@ -129,6 +149,8 @@ pub fn run(
         late_wakes: 0,
         caught_up_steps: 0,
         lateness_ns_max: 0,
+        service_gap_ns_max: 0,
+        late_services: 0,
     };
     let prepared = prepare(rig, options, progress);
     let report = match prepared {
@@ -198,12 +220,19 @@ fn pace(
         recorder.set_start_wall_ns(start_ns.wrapping_add(offset_ns));
     }
     rig.start();
+    let mut service = Service { start_ns, last_ns: start_ns };
     let mut progress_ns = 0;
     while !rig.finished() && !options.stop.load(Ordering::Relaxed) {
         let step_ns = rig.base_step_ns();
         let deadline_ns = start_ns + (rig.steps() + 1) * step_ns;
+        if options.serves_buses {
+            service.until(deadline_ns, rig, clock, &mut report);
+        }
         clock.sleep_until_ns(deadline_ns);
         let now_ns = clock.now_ns();
+        if options.serves_buses {
+            service.serve(now_ns, rig, &mut report);
+        }
         let due = (now_ns.saturating_sub(start_ns) / step_ns).saturating_sub(rig.steps());
         if due == 0 {
             continue;
@@ -220,6 +249,42 @@ fn pace(
     }
     report.end = if rig.finished() { RunEnd::Finished } else { RunEnd::Stopped };
     report
+}
+
+/// When emulated buses were served.
+struct Service {
+    /// Clock reading at bench time 0 \[ns\].
+    start_ns: u64,
+    /// Clock reading at the last service \[ns\].
+    last_ns: u64,
+}
+
+impl Service {
+    /// Serves the buses at every interval that ends before `deadline_ns`.
+    fn until(
+        &mut self,
+        deadline_ns: u64,
+        rig: &mut Rig,
+        clock: &dyn Clock,
+        report: &mut RunReport,
+    ) {
+        loop {
+            let due_ns = self.last_ns + SERVICE_NS;
+            if due_ns >= deadline_ns {
+                return;
+            }
+            clock.sleep_until_ns(due_ns);
+            self.serve(clock.now_ns(), rig, report);
+        }
+    }
+
+    fn serve(&mut self, now_ns: u64, rig: &mut Rig, report: &mut RunReport) {
+        let gap_ns = now_ns - self.last_ns;
+        report.service_gap_ns_max = report.service_gap_ns_max.max(gap_ns);
+        report.late_services += u64::from(gap_ns > 2 * SERVICE_NS);
+        rig.service(now_ns - self.start_ns);
+        self.last_ns = now_ns;
+    }
 }
 
 fn running(rig: &Rig, late_wakes: u64) -> Progress {

@@ -1,5 +1,7 @@
 //! What a run came to, for the summary.
 
+use platoon_dbc::bus_time::Urgency;
+use platoon_dbc::{Bus, Queueing};
 use serde::{Deserialize, Serialize};
 
 use super::Rig;
@@ -25,6 +27,49 @@ pub struct Results {
     pub criteria: Vec<Criterion>,
     /// What happened on every truck's bus.
     pub nodes: Vec<NodeCounts>,
+    /// How the traffic of every truck fared on its emulated bus; empty when none is emulated.
+    #[serde(default)]
+    pub wires: Vec<WireResult>,
+}
+
+/// What an emulated bus did to its traffic.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct WireResult {
+    /// Every identifier carried, most urgent first.
+    pub identifiers: Vec<IdentifierResult>,
+    /// Frames lost because a queue was full.
+    pub overflowed: u64,
+}
+
+/// How long the frames of one identifier took on an emulated bus, from queueing to arrival.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct IdentifierResult {
+    /// The identifier, without flags.
+    pub id: u32,
+    /// Frames carried.
+    pub frames: u64,
+    /// What 99 % of them kept \[ns\].
+    pub p99_ns: u64,
+    /// The longest \[ns\].
+    pub max_ns: u64,
+}
+
+impl WireResult {
+    fn of(bus: &dyn Bus) -> Self {
+        let identifier = |queueing: &Queueing| IdentifierResult {
+            id: queueing.id,
+            frames: queueing.frames(),
+            p99_ns: queueing.p99_ns(),
+            max_ns: queueing.max_ns(),
+        };
+        let mut told: Vec<&Queueing> = bus.queueing().iter().collect();
+        told.sort_by_key(|queueing| Urgency::of_id(queueing.id, queueing.is_extended));
+        let counts = bus.counts();
+        Self {
+            identifiers: told.into_iter().map(identifier).collect(),
+            overflowed: counts.send_full + counts.receive_overflow,
+        }
+    }
 }
 
 impl Results {
@@ -35,6 +80,13 @@ impl Results {
 }
 
 impl Rig {
+    fn wires(&self) -> Vec<WireResult> {
+        let wires: Vec<WireResult> =
+            self.nodes.iter().map(|node| WireResult::of(node.bus())).collect();
+        let is_emulated = wires.iter().any(|wire| !wire.identifiers.is_empty());
+        if is_emulated { wires } else { Vec::new() }
+    }
+
     /// What the run came to so far. A run that has not reached its end fails the first criterion.
     pub fn results(&self) -> Results {
         let trucks = self
@@ -56,6 +108,7 @@ impl Rig {
             duration_s,
             v2v: self.channel.report(),
             nodes: self.nodes.iter().map(|node| node.counts).collect(),
+            wires: self.wires(),
             trucks,
             criteria,
         }

@@ -109,6 +109,13 @@ impl<C: Copy> Arbiter<C> {
         }
     }
 
+    /// A free bus at time 0 again; what was waiting is gone.
+    pub fn restart(&mut self) {
+        self.waiting.clear();
+        self.under_way = None;
+        (self.decided_ns, self.free_ns) = (0, 0);
+    }
+
     /// Queues a frame.
     ///
     /// # Errors

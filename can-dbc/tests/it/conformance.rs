@@ -52,6 +52,11 @@ fn socketcan() -> Pair {
     Pair { here: open(), there: open(), _lease: None }
 }
 
+fn emulated() -> Pair {
+    let (here, there) = crate::emulated::pair();
+    Pair { here, there, _lease: None }
+}
+
 macro_rules! conformance {
     ($($claim:ident),* $(,)?) => {
         mod on_loopback { $(#[test] fn $claim() { super::$claim(super::loopback()); })* }
@@ -77,6 +82,24 @@ conformance!(
     stamps_do_not_go_back,
 );
 
+/// What an emulated bus keeps of the suite: it reorders by urgency, echoes, and takes its time.
+mod on_emulated {
+    macro_rules! conformance {
+        ($($claim:ident),* $(,)?) => {
+            $(#[test] fn $claim() { super::$claim(super::emulated()); })*
+        };
+    }
+
+    conformance!(
+        an_empty_bus_returns_at_once,
+        waiting_ends_when_a_frame_comes,
+        a_message_survives_the_bus,
+        stamps_do_not_go_back,
+        an_echo_has_the_time_at_which_others_received_the_frame,
+        only_the_node_that_asked_hears_itself,
+    );
+}
+
 fn receive(bus: &mut dyn Bus) -> Received {
     loop {
         if let Some(received) = bus.receive().expect("the bus is up") {
@@ -86,7 +109,7 @@ fn receive(bus: &mut dyn Bus) -> Received {
     }
 }
 
-fn all_kinds() -> Vec<Frame> {
+pub(crate) fn all_kinds() -> Vec<Frame> {
     let classic = FrameFlags::default();
     let extended = FrameFlags { is_extended: true, ..classic };
     let fd = FrameFlags { is_fd: true, ..classic };

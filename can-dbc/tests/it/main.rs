@@ -2,5 +2,6 @@
 
 mod bus_time;
 mod conformance;
+mod emulated;
 mod generator;
 mod random;

@@ -1,8 +1,9 @@
 //! Encoding, decoding, sending and receiving take no memory from the heap.
 
 use platoon_dbc::{
-    Actuation, Bus, Decoder, EcuStatus, EgoState, Encoder, Loopback, Message, Mission, Obstacle,
-    PortLease, Profile, Udp, UdpOptions, V2vOut, V2vState, Vehicle, decode_signals, e2e,
+    Actuation, Bus, BusTiming, Decoder, EcuStatus, EgoState, Emulated, Encoder, Loopback, Message,
+    Mission, Obstacle, PortLease, Profile, Udp, UdpOptions, V2vOut, V2vState, Vehicle,
+    decode_signals, e2e,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -104,4 +105,22 @@ fn encoders_and_decoders_of_every_profile_allocate_nothing() {
         });
         assert_eq!((allocated, heard), (0, 100 * messages.len()), "{profile}");
     }
+}
+
+#[test]
+fn a_cycle_over_an_emulated_bus_allocates_nothing() {
+    let (here, mut there) = Loopback::pair("loopback0", 16);
+    let mut here = Emulated::new(here, BusTiming::default());
+    here.begin();
+    let frame = EgoState::default().encode(0).expect("in range");
+    let run = || {
+        for step in 1..100 {
+            here.send(&frame).expect("room");
+            there.send(&frame).expect("room");
+            here.set_bench_time(1_000_000 * step);
+            let heard = [here.receive(), here.receive(), there.receive()];
+            assert!(heard.iter().all(|heard| heard.is_ok_and(|heard| heard.is_some())));
+        }
+    };
+    assert_eq!(allocations(run), 0);
 }
