@@ -137,6 +137,9 @@ pub struct LawArgs {
     /// How Eq. 4's delays are read.
     #[arg(long, value_enum)]
     pub delay_reading: Option<DelayReadingKind>,
+    /// Law of the coordination layer; the scenario's own when left out.
+    #[arg(long, value_enum)]
+    pub ucl: Option<UclKind>,
 }
 
 impl LawArgs {
@@ -145,15 +148,19 @@ impl LawArgs {
         if let Some(reading) = self.delay_reading {
             calibration.ucl.delay_reading = reading.into();
         }
+        if let Some(ucl) = self.ucl {
+            calibration.ucl.law = ucl.into();
+        }
         calibration
     }
 
     /// The same options for another process.
     pub fn as_arguments(&self) -> Vec<String> {
         let reading = self.delay_reading.map(|reading| ["--delay-reading", reading.word()]);
+        let ucl = self.ucl.map(|ucl| ["--ucl", ucl.word()]);
         ["--solver", self.solver.word()]
             .into_iter()
-            .chain(reading.into_iter().flatten())
+            .chain(reading.into_iter().chain(ucl).flatten())
             .map(str::to_owned)
             .collect()
     }
@@ -341,6 +348,46 @@ impl From<DelayReadingKind> for law::DelayReading {
             DelayReadingKind::LeaderStale => Self::LeaderStale,
             DelayReadingKind::FrameStale => Self::FrameStale,
             DelayReadingKind::Compensated => Self::Compensated,
+        }
+    }
+}
+
+/// Laws of the coordination layer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum UclKind {
+    /// The paper's H-infinity gain.
+    Published,
+    /// The same, with the leader's acceleration fed forward.
+    Feedforward,
+    /// The constant-spacing law of the California PATH platoons.
+    CaccPath,
+    /// Ploeg's law with a constant time gap.
+    Ploeg,
+    /// No coordination: every truck holds the set speed.
+    None,
+}
+
+impl UclKind {
+    /// The word on the command line.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Published => "published",
+            Self::Feedforward => "feedforward",
+            Self::CaccPath => "cacc-path",
+            Self::Ploeg => "ploeg",
+            Self::None => "none",
+        }
+    }
+}
+
+impl From<UclKind> for law::CoordinationLaw {
+    fn from(kind: UclKind) -> Self {
+        match kind {
+            UclKind::Published => Self::Published,
+            UclKind::Feedforward => Self::Feedforward,
+            UclKind::CaccPath => Self::CaccPath,
+            UclKind::Ploeg => Self::Ploeg,
+            UclKind::None => Self::None,
         }
     }
 }

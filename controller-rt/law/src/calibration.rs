@@ -58,10 +58,29 @@ pub enum DelayReading {
     Compensated,
 }
 
-/// Coordination layer: gain and interface to the motion layer.
+/// The coordination law in the slot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[serde(rename_all = "kebab-case")]
+pub enum CoordinationLaw {
+    /// The paper's H-infinity gain [MCF, Eq. 4].
+    #[default]
+    Published,
+    /// The same, with the leader's acceleration fed forward.
+    Feedforward,
+    /// The constant-spacing law of the PATH platoons.
+    CaccPath,
+    /// Ploeg's constant time gap law.
+    Ploeg,
+    /// No coordination: every truck holds the set speed.
+    None,
+}
+
+/// Coordination layer: law, gain and interface to the motion layer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UclCalibration {
+    /// Which law coordinates.
+    pub law: CoordinationLaw,
     /// K̄₁ \[1/s², 1/s, 1\] on the own error state [MCF, Table II].
     pub k1: [f64; 3],
     /// K̄₂ \[1/s², 1/s, 1\] on the predecessor's error state [MCF, Table II].
@@ -178,6 +197,7 @@ impl Default for TruckBelief {
 impl Default for UclCalibration {
     fn default() -> Self {
         Self {
+            law: CoordinationLaw::Published,
             k1: [2.156, 3.175, 0.998],
             k2: [0.306, 0.239, 0.065],
             delay_reading: DelayReading::Eq4,

@@ -61,7 +61,8 @@ impl<S: QpSolver> Law<S> {
         let elapsed_s = Memory::seconds_since(memory.stepped_ns, seen.time_ns);
         memory.stepped_ns = Some(seen.time_ns);
         memory.note_seen(seen);
-        let ucl = ucl::coordinate(&self.calibration.ucl, memory, seen);
+        let ucl = ucl::coordinate(&self.calibration.ucl, memory, seen, elapsed_s);
+        memory.asked_mps2 = ucl.accel_mps2;
         mark(Phase::Ucl);
 
         let (outcome, lml) = if memory.ticks_to_solve == 0 {

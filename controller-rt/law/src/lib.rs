@@ -28,7 +28,9 @@ mod surroundings;
 mod ucl;
 mod weight;
 
-pub use calibration::{Calibration, DelayReading, LmlCalibration, TruckBelief, UclCalibration};
+pub use calibration::{
+    Calibration, CoordinationLaw, DelayReading, LmlCalibration, TruckBelief, UclCalibration,
+};
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
 pub use law::{Law, Phase};
 pub use memory::Memory;

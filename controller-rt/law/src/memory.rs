@@ -17,6 +17,8 @@ pub struct Memory {
     pub(crate) leader: History,
     /// The predecessor's messages.
     pub(crate) predecessor: History,
+    /// What the coordination law last asked for \[m/s²\].
+    pub(crate) asked_mps2: f64,
     /// The last plan: force \[kN\] and steering \[deg\] of each control block.
     pub(crate) plan: [[f64; 2]; BLOCKS],
     /// The command in force, as the guard admitted it: force \[kN\] and steering \[deg\].

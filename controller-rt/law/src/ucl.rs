@@ -2,27 +2,67 @@
 //!
 //! ```text
 //! x_Hi = [ s0 - si - i D,  v0 - vi,  a0 - ai ]                                      (Eq. 2)
-//! u_i  = K1 x_Hi(t - lambda) + K2 x_H(i-1)(t - lambda)                              (Eq. 4)
+//! u_i  = what the coordination law makes of x_Hi(t - lambda) and x_H(i-1)(t - lambda)
 //! V_ref = clip(speed + lead_time * u_i, 0, v0 + margin)                             (ours)
 //! ```
 //!
-//! The gain is a table entry found offline; this file only applies it. The leader has no error of
-//! its own: its reference is the mission's set speed.
+//! The law is a slot: the paper's gain ([`h_infinity`], Eq. 4), or one of those it is compared with.
+//! Each is a file with one function from a [`Situation`] to an acceleration; adding one is adding a
+//! file and a word. The leader has no error of its own: its reference is the mission's set speed.
 
-use nalgebra::{RowVector3, Vector3};
+mod cacc_path;
+mod feedforward;
+mod h_infinity;
+mod ploeg;
 
-use crate::calibration::{DelayReading, UclCalibration};
+use nalgebra::Vector3;
+
+use crate::calibration::{CoordinationLaw, DelayReading, UclCalibration};
 use crate::decision::UclReport;
 use crate::history::{Motion, seconds_between};
 use crate::memory::Memory;
 use crate::observation::Observation;
 
-/// The coordination layer's answer for this tick.
+/// What a coordination law may know: delayed errors, and what the trucks ahead are doing.
+#[derive(Debug, Clone, Copy)]
+struct Situation {
+    /// x_Hi: this truck's error state against the leader \[m, m/s, m/s²\].
+    own: Vector3<f64>,
+    /// x_H(i-1): the predecessor's; zero for truck 1 and when it is not heard.
+    predecessor: Vector3<f64>,
+    /// Acceleration of the leader \[m/s²\].
+    leader_accel_mps2: f64,
+    /// Acceleration that the truck ahead says it intends \[m/s²\].
+    intended_ahead_mps2: f64,
+    /// This truck's speed \[m/s\].
+    speed_mps: f64,
+    /// Its acceleration \[m/s²\].
+    accel_mps2: f64,
+    /// Speed of the platoon \[m/s\].
+    set_speed_mps: f64,
+    /// What the law asked for at the tick before \[m/s²\], and how long ago that was \[s\].
+    asked_mps2: f64,
+    elapsed_s: f64,
+}
+
+impl Situation {
+    /// The error state against the truck ahead: x_Hi - x_H(i-1).
+    fn to_predecessor(&self) -> Vector3<f64> {
+        self.own - self.predecessor
+    }
+}
+
+/// The coordination layer's answer for this tick, `elapsed_s` after the one before.
 ///
 /// Without a message of the leader there is nothing to coordinate with: the truck holds the
 /// mission's set speed and the motion layer keeps it off whatever is ahead. Without one of the
-/// predecessor, K̄₂'s term is left out.
-pub fn coordinate(cal: &UclCalibration, memory: &Memory, seen: &Observation) -> UclReport {
+/// predecessor, its error counts as zero.
+pub fn coordinate(
+    cal: &UclCalibration,
+    memory: &Memory,
+    seen: &Observation,
+    elapsed_s: f64,
+) -> UclReport {
     let mission = &seen.mission;
     let age = |message: Option<Motion>| {
         message.map_or(f64::NAN, |m| seconds_between(m.time_ns, seen.time_ns))
@@ -36,7 +76,7 @@ pub fn coordinate(cal: &UclCalibration, memory: &Memory, seen: &Observation) -> 
     let Some(pair) = delayed_pair(cal, memory, seen) else {
         return report;
     };
-    if mission.truck == 0 {
+    if mission.truck == 0 || cal.law == CoordinationLaw::None {
         return report;
     }
 
@@ -49,9 +89,24 @@ pub fn coordinate(cal: &UclCalibration, memory: &Memory, seen: &Observation) -> 
         report.x_predecessor = error_state(&leader, &predecessor, slot);
     }
 
-    let k1 = RowVector3::from(cal.k1);
-    let k2 = RowVector3::from(cal.k2);
-    let u = (k1 * report.x_own + k2 * report.x_predecessor).x;
+    let situation = Situation {
+        own: report.x_own,
+        predecessor: report.x_predecessor,
+        leader_accel_mps2: pair.leader.accel_mps2,
+        intended_ahead_mps2: seen.predecessor.map_or(0.0, |ahead| ahead.intended_accel_mps2),
+        speed_mps: seen.ego.forward_mps,
+        accel_mps2: seen.ego.accel_mps2,
+        set_speed_mps: mission.set_speed_mps,
+        asked_mps2: memory.asked_mps2,
+        elapsed_s,
+    };
+    let u = match cal.law {
+        CoordinationLaw::Published => h_infinity::accel_mps2(cal, &situation),
+        CoordinationLaw::Feedforward => feedforward::accel_mps2(cal, &situation),
+        CoordinationLaw::CaccPath => cacc_path::accel_mps2(&situation),
+        CoordinationLaw::Ploeg => ploeg::accel_mps2(&situation),
+        CoordinationLaw::None => 0.0,
+    };
     report.accel_mps2 = u.clamp(cal.accel_min_mps2, cal.accel_max_mps2);
     report.v_ref_mps = (seen.ego.forward_mps + cal.lead_time_s * report.accel_mps2)
         .clamp(0.0, (pair.leader.speed_mps + cal.speed_margin_mps).max(0.0));

@@ -15,6 +15,7 @@ struct Vehicle {
     x_m: f64,
     speed_mps: f64,
     accel_mps2: f64,
+    intended_mps2: f64,
 }
 
 /// What a run showed.
@@ -31,23 +32,31 @@ fn message(v: &Vehicle, time_ns: u64) -> V2v {
         x_m: v.x_m,
         speed_mps: v.speed_mps,
         accel_mps2: v.accel_mps2,
+        intended_accel_mps2: v.intended_mps2,
         ..V2v::default()
     }
 }
 
-/// Runs the platoon for 12 s with one constant delay on every link.
+/// Runs the published gain with one constant delay on every link.
 fn run(reading: DelayReading, delay_ms: usize) -> Run {
-    let cal = UclCalibration {
-        delay_reading: reading,
-        // Theorem 1 knows no actuator limits.
-        accel_min_mps2: -100.0,
-        accel_max_mps2: 100.0,
-        ..crate::Calibration::default().ucl
-    };
+    let cal = UclCalibration { delay_reading: reading, ..crate::Calibration::default().ucl };
+    run_with(cal, delay_ms)
+}
+
+/// Runs another law, with Eq. 4's reading of the delay.
+fn run_law(law: CoordinationLaw, delay_ms: usize) -> Run {
+    run_with(UclCalibration { law, ..crate::Calibration::default().ucl }, delay_ms)
+}
+
+/// Runs the platoon for 12 s.
+fn run_with(cal: UclCalibration, delay_ms: usize) -> Run {
+    // Theorem 1 knows no actuator limits.
+    let cal = UclCalibration { accel_min_mps2: -100.0, accel_max_mps2: 100.0, ..cal };
     let mut vehicles: [Vehicle; FOLLOWERS + 1] = core::array::from_fn(|i| Vehicle {
         x_m: -SPACING_M * i as f64,
         speed_mps: 20.0,
         accel_mps2: 0.0,
+        intended_mps2: 0.0,
     });
     // Messages on their way: what every vehicle sent, one slot per millisecond of delay.
     const SLOTS: usize = 512;
@@ -83,7 +92,9 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
                 obstacles: [None; crate::OBSTACLES_MAX],
             };
             memories[i - 1].note_seen(&seen);
-            commands[i - 1] = coordinate(&cal, &memories[i - 1], &seen).accel_mps2;
+            let asked = coordinate(&cal, &memories[i - 1], &seen, 1e-3).accel_mps2;
+            memories[i - 1].asked_mps2 = asked;
+            commands[i - 1] = asked;
         }
 
         let dt = 1e-3;
@@ -96,6 +107,7 @@ fn run(reading: DelayReading, delay_ms: usize) -> Run {
                 _ => commands[i - 1] + (before - commands[i - 1]) * libm::exp(-dt / TAU_S),
             };
             let mean = if i == 0 { leader_accel } else { 0.5 * (before + v.accel_mps2) };
+            v.intended_mps2 = if i == 0 { leader_accel } else { commands[i - 1] };
             v.x_m += dt * (v.speed_mps + 0.5 * dt * mean);
             v.speed_mps += dt * mean;
         }
@@ -154,7 +166,38 @@ fn a_truck_that_hears_no_leader_holds_the_set_speed() {
         predecessor: None,
         obstacles: [None; crate::OBSTACLES_MAX],
     };
-    let report = coordinate(&cal, &Memory::new(), &seen);
+    let report = coordinate(&cal, &Memory::new(), &seen, 0.0);
     assert_eq!((report.v_ref_mps, report.accel_mps2), (18.0, 0.0));
     assert!(report.leader_age_s.is_nan());
+}
+
+#[test]
+fn feeding_the_leaders_acceleration_forward_halves_the_peak() {
+    let run = run_law(CoordinationLaw::Feedforward, 100);
+    assert_near("peak", run.peak_m[0], 0.296, 0.01);
+    assert!(run.last_m.iter().all(|e| e.abs() < 0.02), "{:?}", run.last_m);
+}
+
+#[test]
+fn the_path_law_settles_and_its_errors_shrink_down_the_string() {
+    let run = run_law(CoordinationLaw::CaccPath, 100);
+    assert!(run.peak_m[1] < run.peak_m[0] && run.peak_m[2] < run.peak_m[1], "{:?}", run.peak_m);
+    assert!(run.last_m.iter().all(|e| e.abs() < 0.3), "{:?}", run.last_m);
+}
+
+#[test]
+fn the_time_gap_law_opens_the_distance_with_the_speed() {
+    // 2 m/s above the set speed at a time gap of 0.7 s: 1.4 m more to each truck ahead.
+    let run = run_law(CoordinationLaw::Ploeg, 100);
+    for (i, last_m) in run.last_m.into_iter().enumerate() {
+        assert_near("distance", last_m, 1.4 * (i + 1) as f64, 0.35);
+    }
+    assert!(run.peak_m[2] <= 1.05 * run.peak_m[0], "{:?}", run.peak_m);
+}
+
+#[test]
+fn without_coordination_trucks_hold_the_set_speed() {
+    let run = run_law(CoordinationLaw::None, 100);
+    // The leader leaves at 2 m/s; nobody follows: 1 m while it accelerates, 2 m/s for 10 s after.
+    assert_near("leader error", run.last_m[0], 21.0, 0.05);
 }
