@@ -56,9 +56,6 @@ pub struct RehearseArgs {
     /// the rig, as in the paper's experiment.
     #[arg(long, value_name = "all|N", default_value = "all", value_parser = parse_ecu)]
     pub ecu: EcuChoice,
-    /// Controller in the ECUs.
-    #[arg(long, value_enum, default_value_t = ControllerKind::Mcf)]
-    pub controller: ControllerKind,
     /// How the law is run.
     #[command(flatten)]
     pub law_options: LawArgs,
@@ -131,6 +128,9 @@ impl RunArgs {
 /// How the control law is run.
 #[derive(Debug, Clone, Copy, Args)]
 pub struct LawArgs {
+    /// Controller in the ECUs; the scenario's own, usually mcf, when left out.
+    #[arg(long, value_enum)]
+    pub controller: Option<ControllerKind>,
     /// QP solver of the motion layer.
     #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
     pub solver: SolverKind,
@@ -145,6 +145,9 @@ pub struct LawArgs {
 impl LawArgs {
     /// The calibration with what these options say about it.
     pub fn applied_to(&self, mut calibration: law::Calibration) -> law::Calibration {
+        if let Some(controller) = self.controller {
+            calibration.structure = controller.into();
+        }
         if let Some(reading) = self.delay_reading {
             calibration.ucl.delay_reading = reading.into();
         }
@@ -158,9 +161,10 @@ impl LawArgs {
     pub fn as_arguments(&self) -> Vec<String> {
         let reading = self.delay_reading.map(|reading| ["--delay-reading", reading.word()]);
         let ucl = self.ucl.map(|ucl| ["--ucl", ucl.word()]);
+        let controller = self.controller.map(|controller| ["--controller", controller.word()]);
         ["--solver", self.solver.word()]
             .into_iter()
-            .chain(reading.into_iter().chain(ucl).flatten())
+            .chain(controller.into_iter().chain(reading).chain(ucl).flatten())
             .map(str::to_owned)
             .collect()
     }
@@ -295,6 +299,27 @@ impl BusTimingKind {
 pub enum ControllerKind {
     /// The paper's motion control framework: H-infinity coordination over potential-field MPC.
     Mcf,
+    /// The paper's baseline: one potential-field MPC that tracks its slot itself.
+    SingleMpc,
+}
+
+impl ControllerKind {
+    /// The word on the command line.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Mcf => "mcf",
+            Self::SingleMpc => "single-mpc",
+        }
+    }
+}
+
+impl From<ControllerKind> for law::Structure {
+    fn from(kind: ControllerKind) -> Self {
+        match kind {
+            ControllerKind::Mcf => Self::Mcf,
+            ControllerKind::SingleMpc => Self::SingleMpc,
+        }
+    }
 }
 
 /// QP solvers.

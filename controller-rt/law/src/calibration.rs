@@ -5,16 +5,31 @@
 
 use serde::{Deserialize, Serialize};
 
+/// How coordination and motion planning are put together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
+#[serde(rename_all = "kebab-case")]
+pub enum Structure {
+    /// The paper's framework: a coordination law sets the speed, the MPC plans the motion.
+    #[default]
+    Mcf,
+    /// The paper's baseline: one MPC that tracks its slot in the platoon itself.
+    SingleMpc,
+}
+
 /// All numbers of the law. `Default` is the published set, completed by ours.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Calibration {
+    /// How the layers are put together.
+    pub structure: Structure,
     /// What the controller believes about its truck.
     pub truck: TruckBelief,
     /// Coordination layer.
     pub ucl: UclCalibration,
     /// Motion layer.
     pub lml: LmlCalibration,
+    /// The baseline without a coordination layer.
+    pub single_mpc: SingleMpcCalibration,
     /// The motion layer solves once every this many ticks; between solves its command is held.
     pub lml_every_ticks: u32,
 }
@@ -99,6 +114,16 @@ pub struct UclCalibration {
     pub speed_margin_mps: f64,
 }
 
+/// The single-structure MPC: what it has in place of the coordination layer.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SingleMpcCalibration {
+    /// Weight Q_X of the distance to the slot \[1/m²\]; the paper does not print it; ours.
+    pub position_weight: f64,
+    /// Whether received states are extrapolated to now, instead of taken as they come; ours.
+    pub compensated: bool,
+}
+
 /// Motion layer: weights, potentials, limits.
 ///
 /// Inputs enter the cost in kN and degrees: with those units the paper's weights work as printed.
@@ -170,9 +195,11 @@ pub struct LmlCalibration {
 impl Default for Calibration {
     fn default() -> Self {
         Self {
+            structure: Structure::Mcf,
             truck: TruckBelief::default(),
             ucl: UclCalibration::default(),
             lml: LmlCalibration::default(),
+            single_mpc: SingleMpcCalibration::default(),
             lml_every_ticks: 1,
         }
     }
@@ -207,6 +234,12 @@ impl Default for UclCalibration {
             accel_max_mps2: 2.5,
             speed_margin_mps: 4.0,
         }
+    }
+}
+
+impl Default for SingleMpcCalibration {
+    fn default() -> Self {
+        Self { position_weight: 80.0, compensated: false }
     }
 }
 
@@ -304,6 +337,7 @@ impl Calibration {
             ("lml.slack_linear.0", lml.slack_linear[0]),
             ("lml.slack_linear.1", lml.slack_linear[1]),
             ("lml.slack_linear.2", lml.slack_linear[2]),
+            ("single_mpc.position_weight", self.single_mpc.position_weight),
         ];
         let negative =
             [("ucl.accel_min_mps2", ucl.accel_min_mps2), ("lml.force_min_kn", lml.force_min_kn)];

@@ -1,12 +1,13 @@
 //! Algorithm 1 for one truck and one instant: coordinate, build, solve, decide.
 
 use crate::bicycle::Bicycle;
-use crate::calibration::Calibration;
+use crate::calibration::{Calibration, Structure};
 use crate::decision::{Decision, LmlReport, Outcome, UclReport};
 use crate::lml::{self, Request};
 use crate::memory::Memory;
 use crate::observation::Observation;
 use crate::qp::{ActiveSet, BLOCKS, INPUTS, QpSolver, Solution, SolveStatus};
+use crate::single_mpc::{self, Slot};
 use crate::surroundings::Surroundings;
 use crate::ucl;
 use crate::weight::reference_weight;
@@ -61,13 +62,18 @@ impl<S: QpSolver> Law<S> {
         let elapsed_s = Memory::seconds_since(memory.stepped_ns, seen.time_ns);
         memory.stepped_ns = Some(seen.time_ns);
         memory.note_seen(seen);
-        let ucl = ucl::coordinate(&self.calibration.ucl, memory, seen, elapsed_s);
+        let (ucl, slot) = match self.calibration.structure {
+            Structure::Mcf => {
+                (ucl::coordinate(&self.calibration.ucl, memory, seen, elapsed_s), None)
+            }
+            Structure::SingleMpc => single_mpc::aim(&self.calibration, memory, seen),
+        };
         memory.asked_mps2 = ucl.accel_mps2;
         mark(Phase::Ucl);
 
         let (outcome, lml) = if memory.ticks_to_solve == 0 {
             memory.ticks_to_solve = self.calibration.lml_every_ticks.max(1) - 1;
-            self.plan_motion(memory, seen, &ucl, mark)
+            self.plan_motion(memory, seen, (ucl.v_ref_mps, slot), mark)
         } else {
             memory.ticks_to_solve -= 1;
             (Outcome::Held, LmlReport::default())
@@ -87,7 +93,7 @@ impl<S: QpSolver> Law<S> {
         &self,
         memory: &mut Memory,
         seen: &Observation,
-        ucl: &UclReport,
+        (v_ref_mps, slot): (f64, Option<Slot>),
         mark: &mut impl FnMut(Phase),
     ) -> (Outcome, LmlReport) {
         let cal = &self.calibration;
@@ -100,7 +106,8 @@ impl<S: QpSolver> Law<S> {
             || surroundings.potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0).map(|u| u.value);
         let q_ref = reference_weight(&cal.lml, potentials());
         let request = Request {
-            v_ref_mps: ucl.v_ref_mps,
+            v_ref_mps,
+            slot,
             q_ref,
             plan: memory.plan,
             applied: memory.applied,

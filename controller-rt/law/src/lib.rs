@@ -24,12 +24,14 @@ mod observation;
 mod potential;
 mod prediction;
 pub mod qp;
+mod single_mpc;
 mod surroundings;
 mod ucl;
 mod weight;
 
 pub use calibration::{
-    Calibration, CoordinationLaw, DelayReading, LmlCalibration, TruckBelief, UclCalibration,
+    Calibration, CoordinationLaw, DelayReading, LmlCalibration, SingleMpcCalibration, Structure,
+    TruckBelief, UclCalibration,
 };
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
 pub use law::{Law, Phase};

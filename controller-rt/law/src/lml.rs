@@ -18,6 +18,7 @@ use crate::observation::Observation;
 use crate::potential;
 use crate::prediction::{Instant, STEP_S, STEPS, block, predict};
 use crate::qp::{BLOCKS, INPUTS, Qp, SLACKS, VARIABLES};
+use crate::single_mpc::Slot;
 use crate::surroundings::Surroundings;
 
 /// First row of the position limits: three per prediction step.
@@ -37,6 +38,8 @@ pub struct Request {
     pub v_ref_mps: f64,
     /// Its weight Q_ref.
     pub q_ref: f64,
+    /// The slot to keep, in the single-structure baseline alone.
+    pub slot: Option<Slot>,
     /// The plan to linearise about: force \[kN\] and steering \[deg\] of each block.
     pub plan: [[f64; 2]; BLOCKS],
     /// The command in force now, in the same units.
@@ -65,6 +68,7 @@ pub fn build(
     builder.rate_limits();
     for (k, instant) in instants.iter().enumerate() {
         builder.tracking_cost(instant, seen.mission.desired_y_m);
+        builder.slot_cost(k, instant);
         builder.potential_cost(k, instant, surroundings);
         builder.position_limits(k, instant, surroundings);
         if k % 2 == 0 {
@@ -123,6 +127,14 @@ impl Builder<'_> {
         let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
         let weight = 2.0 * self.request.q_ref;
         self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
+    }
+
+    /// Q_X term of one predicted instant.
+    fn slot_cost(&mut self, k: usize, instant: &Instant) {
+        if let Some(slot) = self.request.slot {
+            let error = instant.state[X] - (slot.x_m + slot.speed_mps * ahead_s(k));
+            self.quadratic(&instant.gain[X], 2.0 * slot.weight, 2.0 * slot.weight * error);
+        }
     }
 
     /// Potentials of obstacles and road edges at one predicted instant.

@@ -36,6 +36,7 @@ fn request() -> Request {
     Request {
         v_ref_mps: 17.0,
         q_ref: 200.0,
+        slot: None,
         plan: [[1.0, 0.5], [2.0, 0.2], [0.5, -0.4], [-1.0, -0.3], [0.3, 0.1]],
         applied: [0.8, 0.3],
         interval_s: 0.05,
@@ -58,6 +59,10 @@ fn cost(
     for (k, instant) in predict(&model, &start, plan).iter().enumerate() {
         let y = instant.state[Y];
         sum += cal.lml.q_y * y * y;
+        if let Some(slot) = request.slot {
+            let x = slot.x_m + slot.speed_mps * ahead_s(k);
+            sum += slot.weight * (instant.state[X] - x).powi(2);
+        }
         sum += request.q_ref * (instant.state[SPEED] - request.v_ref_mps).powi(2);
         if let Some(o) = seen.obstacles[0] {
             let x_o = o.x_m + o.vx_mps * ahead_s(k);
@@ -96,8 +101,9 @@ fn van() -> Obstacle {
 fn the_qps_gradient_is_that_of_the_nonlinear_cost() {
     let cal = Calibration::default();
     let model = Bicycle::new(&cal.truck);
-    for obstacle in [None, Some(van())] {
-        let (seen, request) = (seen(obstacle), request());
+    let slot = Slot { x_m: 103.0, speed_mps: 18.5, weight: 80.0 };
+    for (obstacle, slot) in [(None, None), (Some(van()), None), (None, Some(slot))] {
+        let (seen, request) = (seen(obstacle), Request { slot, ..request() });
         let surroundings = Surroundings::new(&cal.lml, &cal.truck, &seen);
         let qp = build(&cal, &model, &surroundings, &seen, &request);
         let ego = &seen.ego;
