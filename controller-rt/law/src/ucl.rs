@@ -47,7 +47,7 @@ struct Situation {
 
 impl Situation {
     /// The error state against the truck ahead: x_Hi - x_H(i-1).
-    fn to_predecessor(&self) -> Vector3<f64> {
+    fn predecessor_error(&self) -> Vector3<f64> {
         self.own - self.predecessor
     }
 }

@@ -19,7 +19,7 @@ const BANDWIDTH_RADPS: f64 = 0.4;
 
 /// u_i \[m/s²\].
 pub(super) fn accel_mps2(seen: &Situation) -> f64 {
-    let error = seen.to_predecessor();
+    let error = seen.predecessor_error();
     let accel_ahead_mps2 = seen.leader_accel_mps2 - seen.predecessor.z;
     let (c, k, w) = (LEADER_SHARE, DAMPING, BANDWIDTH_RADPS);
     (1.0 - c) * accel_ahead_mps2

@@ -20,7 +20,7 @@ const K_D: f64 = 0.7;
 
 /// u_i \[m/s²\].
 pub(super) fn accel_mps2(seen: &Situation) -> f64 {
-    let distance = seen.to_predecessor();
+    let distance = seen.predecessor_error();
     let error_m = distance.x - TIME_GAP_S * (seen.speed_mps - seen.set_speed_mps);
     let error_mps = distance.y - TIME_GAP_S * seen.accel_mps2;
     let target = K_P * error_m + K_D * error_mps + seen.intended_ahead_mps2;
