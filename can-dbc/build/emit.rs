@@ -1,51 +1,29 @@
 //! Writes the Rust code of a contract. The code calls `codec.rs` for everything that computes.
 
-use super::model::{Contract, Enumeration, Field, FieldKind, Message, Pages, Signal};
-use super::names::constant_case;
+use super::layout::Pages;
+use super::model::{Contract, Field, FieldKind, Message};
+use super::names;
+use super::signal::Signal;
+use super::tables;
 use std::fmt::Write as _;
 
-/// The whole `messages.rs`.
+/// The whole file.
 pub(crate) fn code(contract: &Contract) -> String {
-    let mut out = String::from("// Generated from platoon.dbc by can-dbc/build. Do not edit.\n\n");
-    for enumeration in &contract.enumerations {
-        out += &enumeration_code(enumeration);
-    }
+    let mut out = tables::enumerations_code(contract);
     for (index, message) in contract.messages.iter().enumerate() {
         out += &struct_code(message);
+        out += &constants_code(index, message);
         out += &impl_code(index, message);
-        out += &signals_code(message);
+        out += &default_code(message);
+        out += &tables::signals_code(message);
     }
     out += &message_enum_code(contract);
-    out += &table_code(contract);
+    out += &tables::messages_code(contract);
     out
 }
 
-fn enumeration_code(enumeration: &Enumeration) -> String {
-    let Enumeration { name, comment, variants } = enumeration;
-    let lines = |line: &dyn Fn(&(i64, String, String)) -> String| -> String {
-        variants.iter().map(line).collect()
-    };
-    format!(
-        "/// {comment}\n\
-         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]\n\
-         #[repr(u8)]\n\
-         pub enum {name} {{\n{declared}}}\n\
-         impl {name} {{\n\
-         /// The value on the bus.\n\
-         pub const fn raw(self) -> u8 {{ self as u8 }}\n\
-         /// The value with this raw number, if the DBC has one.\n\
-         pub const fn from_raw(raw: i64) -> Option<Self> {{ match raw {{\n{from}_ => None }} }}\n\
-         /// The value's description in the DBC.\n\
-         pub const fn text(self) -> &'static str {{ match self {{\n{text}}} }}\n\
-         }}\n\n",
-        declared = lines(&|(raw, variant, text)| format!("/// {text:?}.\n{variant} = {raw},\n")),
-        from = lines(&|(raw, variant, _)| format!("{raw} => Some(Self::{variant}),\n")),
-        text = lines(&|(_, variant, text)| format!("Self::{variant} => {text:?},\n")),
-    )
-}
-
 fn struct_code(message: &Message) -> String {
-    let Message { name, comment, sender, id, length, cycle_time_ms, .. } = message;
+    let Message { type_name, comment, sender, id, length, cycle_time_ms, .. } = message;
     let mut out = format!(
         "/// {comment}\n///\n\
          /// Sent by {sender} as 0x{id:08X}, {length} bytes, every {cycle_time_ms} ms.\n///\n\
@@ -61,7 +39,11 @@ fn struct_code(message: &Message) -> String {
             start_bit + size
         );
     }
-    let _ = write!(out, "#[derive(Clone, Copy, Debug, PartialEq)]\npub struct {name} {{\n");
+    let _ = write!(
+        out,
+        "#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]\n\
+         pub struct {type_name} {{\n"
+    );
     for field in &message.fields {
         let comment = field_comment(message, field);
         let _ = writeln!(out, "/// {comment}\npub {}: {},", field.name, field_type(field));
@@ -75,61 +57,105 @@ fn field_comment(message: &Message, field: &Field) -> String {
     if field.is_paged { comment.replace("slot 0", "the slot") } else { comment.clone() }
 }
 
-fn field_type(field: &Field) -> &str {
+fn field_type(field: &Field) -> String {
     match &field.kind {
-        FieldKind::Physical => "f64",
-        FieldKind::Integer(name) => name,
-        FieldKind::Enumeration(name) => name,
+        FieldKind::Physical => "f64".into(),
+        FieldKind::Integer(name) => (*name).into(),
+        FieldKind::Enumeration(name) => name.clone(),
+        FieldKind::Reading => "Reading<f64>".into(),
+        FieldKind::IntegerReading(name) => format!("Reading<{name}>"),
     }
 }
 
-fn impl_code(index: usize, message: &Message) -> String {
-    let Message { name, id, length, cycle_time_ms, e2e_data_id, pages, .. } = message;
-    let signals = signals_name(message);
-    let reads_payload = |field: &Field| !is_multiplexor(message, field);
-    let encoded: String = message.fields.iter().map(|f| encode_line(message, f)).collect();
-    let decoded: String =
-        message.fields.iter().filter(|f| reads_payload(f)).map(|f| decode_line(f, pages)).collect();
-    let started: String = message.fields.iter().map(|f| start_line(message, f)).collect();
-    let (encode_page, decode_page, page_field) = match pages {
-        None => (String::new(), String::new(), String::new()),
-        Some(Pages { multiplexor, first, stride, .. }) => {
-            let page = &message.fields.iter().find(|f| is_multiplexor(message, f));
-            let page = page.map_or("", |field| field.name.as_str());
-            (
-                format!(
-                    "let page = codec::encode_page(s, {multiplexor}, {first}, {stride}, \
-                     self.{page}.into())?;\n"
-                ),
-                format!(
-                    "let (number, page) = codec::decode_page(payload, s, {multiplexor}, {first}, \
-                     {stride})?;\n"
-                ),
-                format!("{page}: number as _,\n"),
-            )
-        }
-    };
-    format!(
-        "impl {name} {{\n\
+fn constants_code(index: usize, message: &Message) -> String {
+    let Message { type_name, id, length, cycle_time_ms, .. } = message;
+    let mut out = format!(
+        "impl {type_name} {{\n\
          /// 29-bit identifier.\npub const ID: u32 = 0x{id:08X};\n\
          /// Payload length in bytes.\npub const LENGTH: usize = {length};\n\
          /// Cycle time of the DBC, milliseconds.\n\
          pub const CYCLE_TIME_MS: u32 = {cycle_time_ms};\n\
-         /// Data ID of the E2E protection.\npub const E2E_DATA_ID: u16 = 0x{e2e_data_id:04X};\n\
-         /// The message's row in [`MESSAGES`].\n\
-         pub const INDEX: usize = {index};\n\n\
-         /// Makes the protected frame that carries this message and the alive `counter`.\n\
+         /// The message's row in [`MESSAGES`].\npub const INDEX: usize = {index};\n"
+    );
+    if let Some(data_id) = message.protection.data_id() {
+        let _ = writeln!(
+            out,
+            "/// Data ID of the E2E protection.\npub const E2E_DATA_ID: u16 = 0x{data_id:04X};"
+        );
+    }
+    if let Some(counter) = message.counter {
+        let max = message.signals[counter].raw_max;
+        let _ = writeln!(
+            out,
+            "/// Largest value of the alive counter; 0 follows.\npub const COUNTER_MAX: u8 = {max};"
+        );
+    }
+    out + "}\n\n"
+}
+
+fn impl_code(index: usize, message: &Message) -> String {
+    let Message { type_name, pages, counter, .. } = message;
+    let signals = tables::signals_name(message);
+    let encoded: String = message.fields.iter().map(|f| encode_line(message, f)).collect();
+    let decoded: String = message
+        .fields
+        .iter()
+        .filter(|field| !is_multiplexor(message, field))
+        .map(|field| decode_line(field, pages))
+        .collect();
+    let (encode_page, decode_page, page_field) = page_code(message);
+    let (parameter, put_counter, read_counter) = counter_code(*counter);
+    let (result, made) = match counter {
+        Some(_) => ("(Self, u8)", format!("(Self {{\n{page_field}{decoded}}}, counter)")),
+        None => ("Self", format!("Self {{\n{page_field}{decoded}}}")),
+    };
+    let (frame_of, read) = match counter {
+        Some(_) => (" and the alive `counter`", " and its alive counter"),
+        None => ("", ""),
+    };
+    format!(
+        "impl {type_name} {{\n\
+         /// Makes the frame that carries this message{frame_of}.\n\
          ///\n/// # Errors\n/// A field is not a number or leaves its range.\n\
-         pub fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
-         let s = &{signals};\nlet mut payload = [0; Frame::CAPACITY];\n{encode_page}{encoded}\
-         Ok(codec::seal(payload, &MESSAGES[{index}], counter))\n}}\n\n\
-         /// Reads this message and its alive counter out of a frame.\n\
+         pub fn encode(&self{parameter}) -> Result<Frame, EncodeError> {{\n\
+         let s = &{signals};\nlet mut payload = codec::blank(&MESSAGES[{index}]);\n\
+         {put_counter}{encode_page}{encoded}Ok(codec::seal(payload, &MESSAGES[{index}]))\n}}\n\n\
+         /// Reads this message{read} out of a frame.\n\
          ///\n/// # Errors\n/// The frame is another message, damaged, or holds a refused value.\n\
-         pub fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
-         let s = &{signals};\nlet (payload, counter) = codec::open(frame, &MESSAGES[{index}])?;\n\
-         {decode_page}Ok((Self {{\n{page_field}{decoded}}}, counter))\n}}\n}}\n\n\
-         impl Default for {name} {{\n\
-         /// The start values of the DBC.\nfn default() -> Self {{ Self {{\n{started}}} }}\n}}\n\n"
+         pub fn decode(frame: &Frame) -> Result<{result}, DecodeError> {{\n\
+         let s = &{signals};\nlet payload = codec::open(frame, &MESSAGES[{index}])?;\n\
+         {read_counter}{decode_page}Ok({made})\n}}\n}}\n\n"
+    )
+}
+
+/// Parameter of `encode`, and the lines that write and read the alive counter.
+fn counter_code(counter: Option<usize>) -> (&'static str, String, String) {
+    counter.map_or_else(Default::default, |index| {
+        (
+            ", counter: u8",
+            format!("codec::put_integer(&mut payload, &s[{index}], counter.into())?;\n"),
+            format!("let counter = codec::integer(payload, &s[{index}])? as u8;\n"),
+        )
+    })
+}
+
+/// Lines that choose a page for writing and for reading, and the field that tells its number.
+fn page_code(message: &Message) -> (String, String, String) {
+    let Some(Pages { multiplexor, first, stride, .. }) = &message.pages else {
+        return Default::default();
+    };
+    let page = message.fields.iter().find(|field| is_multiplexor(message, field));
+    let page = page.map_or("", |field| field.name.as_str());
+    (
+        format!(
+            "let page = codec::encode_page(s, {multiplexor}, {first}, {stride}, \
+             self.{page}.into())?;\n"
+        ),
+        format!(
+            "let (number, page) = codec::decode_page(payload, s, {multiplexor}, {first}, \
+             {stride})?;\n"
+        ),
+        format!("{page}: number as _,\n"),
     )
 }
 
@@ -147,17 +173,14 @@ fn signal_place(field: &Field, pages: &Option<Pages>) -> String {
 
 fn encode_line(message: &Message, field: &Field) -> String {
     let (place, name) = (signal_place(field, &message.pages), &field.name);
-    match field.kind {
-        FieldKind::Physical => {
-            format!("codec::put_physical(&mut payload, {place}, self.{name})?;\n")
-        }
-        FieldKind::Integer(_) => {
-            format!("codec::put_integer(&mut payload, {place}, self.{name}.into())?;\n")
-        }
-        FieldKind::Enumeration(_) => {
-            format!("codec::put_integer(&mut payload, {place}, self.{name}.raw().into())?;\n")
-        }
-    }
+    let (put, value) = match field.kind {
+        FieldKind::Physical => ("put_physical", format!("self.{name}")),
+        FieldKind::Integer(_) => ("put_integer", format!("self.{name}.into()")),
+        FieldKind::Enumeration(_) => ("put_integer", format!("self.{name}.raw().into()")),
+        FieldKind::Reading => ("put_reading", format!("self.{name}")),
+        FieldKind::IntegerReading(_) => ("put_reading", format!("self.{name}.map(f64::from)")),
+    };
+    format!("codec::{put}(&mut payload, {place}, {value})?;\n")
 }
 
 fn decode_line(field: &Field, pages: &Option<Pages>) -> String {
@@ -168,7 +191,20 @@ fn decode_line(field: &Field, pages: &Option<Pages>) -> String {
         FieldKind::Enumeration(kind) => {
             format!("{name}: codec::described(payload, {place}, {kind}::from_raw)?,\n")
         }
+        FieldKind::Reading => format!("{name}: codec::reading(payload, {place})?,\n"),
+        FieldKind::IntegerReading(kind) => {
+            format!("{name}: codec::reading(payload, {place})?.map(|value| value as {kind}),\n")
+        }
     }
+}
+
+fn default_code(message: &Message) -> String {
+    let started: String = message.fields.iter().map(|f| start_line(message, f)).collect();
+    format!(
+        "impl Default for {} {{\n\
+         /// The start values of the DBC.\nfn default() -> Self {{ Self {{\n{started}}} }}\n}}\n\n",
+        message.type_name
+    )
 }
 
 fn start_line(message: &Message, field: &Field) -> String {
@@ -181,79 +217,55 @@ fn start_line(message: &Message, field: &Field) -> String {
         FieldKind::Integer(_) => format!("{name}: {raw},\n"),
         FieldKind::Enumeration(kind) => {
             let variant = signal.values.iter().find(|(value, _)| *value == raw);
-            let variant = variant.and_then(|(_, text)| super::names::variant(text));
+            let variant = variant.and_then(|(_, text)| names::variant(text));
             format!("{name}: {kind}::{},\n", variant.unwrap_or_default())
+        }
+        FieldKind::Reading | FieldKind::IntegerReading(_) => {
+            format!("{name}: Reading::NotAvailable,\n")
         }
     }
 }
 
-fn signals_name(message: &Message) -> String {
-    format!("{}_SIGNALS", constant_case(&message.name))
-}
-
-fn signals_code(message: &Message) -> String {
-    let count = message.signals.len();
-    let mut out = format!("static {}: [SignalInfo; {count}] = [\n", signals_name(message));
-    for signal in &message.signals {
-        let Signal { name, start_bit, size, signed, factor, offset, min, max, .. } = signal;
-        let Signal { raw_min, raw_max, raw_start, unit, comment, values, .. } = signal;
-        let Signal { page, is_multiplexor, .. } = signal;
-        let _ = writeln!(
-            out,
-            "SignalInfo {{ name: {name:?}, start_bit: {start_bit}, size: {size}, \
-             byte_order: ByteOrder::LittleEndian, signed: {signed}, factor: {factor:?}, \
-             offset: {offset:?}, min: {min:?}, max: {max:?}, raw_min: {raw_min}, \
-             raw_max: {raw_max}, raw_start: {raw_start}, unit: {unit:?}, comment: {comment:?}, \
-             values: &{values:?}, multiplexed: {page:?}, is_multiplexor: {is_multiplexor} }},"
-        );
-    }
-    out + "];\n\n"
-}
-
+/// The enum over all messages; where some have no alive counter, it is optional.
 fn message_enum_code(contract: &Contract) -> String {
-    let lines = |line: &dyn Fn(&str, &Message) -> String| -> String {
-        contract.messages.iter().map(|message| line(&message.name, message)).collect()
+    let lines = |line: &dyn Fn(&Message) -> String| -> String {
+        contract.messages.iter().map(line).collect()
+    };
+    let always_counts = contract.messages.iter().all(|message| message.counter.is_some());
+    let counter_type = if always_counts { "u8" } else { "Option<u8>" };
+    let decode_line = |message: &Message| {
+        let name = &message.type_name;
+        let made = match (message.counter, always_counts) {
+            (None, _) => format!("|m| (Self::{name}(m), None)"),
+            (Some(_), true) => format!("|(m, counter)| (Self::{name}(m), counter)"),
+            (Some(_), false) => format!("|(m, counter)| (Self::{name}(m), Some(counter))"),
+        };
+        format!("{name}::ID => {name}::decode(frame).map({made}),\n")
+    };
+    let encode_line = |message: &Message| {
+        let argument = if message.counter.is_some() { "counter" } else { "" };
+        format!("Self::{}(message) => message.encode({argument}),\n", message.type_name)
     };
     format!(
-        "/// Any message of the contract.\n\
+        "/// Any message of this DBC.\n\
          #[derive(Clone, Copy, Debug, PartialEq)]\n\
          pub enum Message {{\n{variants}}}\n\n\
          impl Message {{\n\
          /// Reads whichever message the frame's identifier names, and its alive counter.\n\
          ///\n/// # Errors\n\
-         /// `UnknownId` for an identifier outside the contract, else as the message's `decode`.\n\
-         pub fn decode(frame: &Frame) -> Result<(Self, u8), DecodeError> {{\n\
+         /// `UnknownId` for an identifier outside the DBC, else as the message's `decode`.\n\
+         pub fn decode(frame: &Frame) -> Result<(Self, {counter_type}), DecodeError> {{\n\
          match frame.id() {{\n{decodes}_ => Err(DecodeError::UnknownId),\n}}\n}}\n\n\
-         /// Makes the protected frame that carries this message and the alive `counter`.\n\
+         /// Makes the frame that carries this message and the alive `counter`, if it has one.\n\
          ///\n/// # Errors\n/// A field is not a number or leaves its range.\n\
          pub fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {{\n\
          match self {{\n{encodes}}}\n}}\n\n\
          /// The message's row in [`MESSAGES`].\n\
          pub const fn index(&self) -> usize {{\nmatch self {{\n{indices}}}\n}}\n}}\n\n",
-        variants = lines(&|name, message| format!("/// {}\n{name}({name}),\n", message.comment)),
-        decodes = lines(&|name, _| format!(
-            "{name}::ID => {name}::decode(frame).map(|(m, counter)| (Self::{name}(m), counter)),\n"
-        )),
-        encodes = lines(&|name, _| format!("Self::{name}(message) => message.encode(counter),\n")),
-        indices = lines(&|name, _| format!("Self::{name}(_) => {name}::INDEX,\n")),
+        variants =
+            lines(&|message| format!("/// {}\n{1}({1}),\n", message.comment, message.type_name)),
+        decodes = lines(&decode_line),
+        encodes = lines(&encode_line),
+        indices = lines(&|message| format!("Self::{0}(_) => {0}::INDEX,\n", message.type_name)),
     )
-}
-
-fn table_code(contract: &Contract) -> String {
-    let mut out = String::from(
-        "/// Every message of the contract, for tools that show or convert signals.\n\
-         pub static MESSAGES: &[MessageInfo] = &[\n",
-    );
-    for message in &contract.messages {
-        let Message { name, id, length, cycle_time_ms, e2e_data_id, sender, comment, .. } = message;
-        let (signals, pages) =
-            (signals_name(message), message.pages.as_ref().map_or(1, |p| p.count));
-        let _ = writeln!(
-            out,
-            "MessageInfo {{ name: {name:?}, id: 0x{id:08X}, length: {length}, \
-             cycle_time_ms: {cycle_time_ms}, e2e_data_id: 0x{e2e_data_id:04X}, \
-             sender: {sender:?}, pages: {pages}, comment: {comment:?}, signals: &{signals} }},"
-        );
-    }
-    out + "];\n"
 }

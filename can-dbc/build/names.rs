@@ -19,6 +19,15 @@ pub(crate) fn constant_case(name: &str) -> String {
     snake_case(name).to_ascii_uppercase()
 }
 
+/// `TSC1` to `Tsc1`; `EgoState` stays as it is.
+pub(crate) fn type_name(name: &str) -> String {
+    if name.chars().any(|letter| letter.is_ascii_lowercase()) {
+        return name.to_owned();
+    }
+    let (first, rest) = name.split_at(name.len().min(1));
+    first.to_owned() + &rest.to_ascii_lowercase()
+}
+
 /// A value description to a variant: `held previous plan` to `HeldPreviousPlan`.
 ///
 /// `None` when the description has no letter to start with or a character Rust cannot name.
@@ -49,6 +58,9 @@ pub(crate) fn unit_suffix(unit: &str) -> Option<&'static str> {
         "s" => "_s",
         "ns" => "_ns",
         "Hz" => "_hz",
+        "%" => "_percent",
+        "km/h" => "_kmph",
+        "rpm" => "_rpm",
         _ => return None,
     })
 }

@@ -62,7 +62,7 @@ fn decode(line: &str) -> Answer {
     }
     let mut signals = String::new();
     let info = decode_signals(&frame, &mut |signal, _, physical| {
-        signals += &format!(" {}={physical:?}", signal.name);
+        signals += &format!(" {}={:?}", signal.name, physical.value().unwrap_or(f64::NAN));
     });
     Ok(format!("{} {counter}{signals}", info.ok_or("not in the DBC")?.name))
 }

@@ -5,97 +5,9 @@
 //! does not fit is refused by name.
 
 use crate::bits::{self, Payload};
-use crate::e2e;
+use crate::catalogue::{MessageInfo, SignalInfo};
 use crate::frame::Frame;
-use crate::messages::MESSAGES;
-
-/// Bit numbering of a signal.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ByteOrder {
-    /// Intel, `@1` in the DBC: the start bit is the least significant one.
-    LittleEndian,
-}
-
-/// One signal as the DBC describes it.
-#[derive(Debug)]
-pub struct SignalInfo {
-    /// Name in the DBC.
-    pub name: &'static str,
-    /// Position of the least significant bit.
-    pub start_bit: u32,
-    /// Number of bits.
-    pub size: u32,
-    /// Bit numbering.
-    pub byte_order: ByteOrder,
-    /// Two's complement when true.
-    pub signed: bool,
-    /// Physical value of one raw step, in `unit`.
-    pub factor: f64,
-    /// Physical value of raw 0, in `unit`.
-    pub offset: f64,
-    /// Smallest physical value, in `unit`.
-    pub min: f64,
-    /// Largest physical value, in `unit`.
-    pub max: f64,
-    /// Smallest raw value.
-    pub raw_min: i64,
-    /// Largest raw value.
-    pub raw_max: i64,
-    /// Raw value before anything is known.
-    pub raw_start: i64,
-    /// Unit as written in the DBC; empty when dimensionless.
-    pub unit: &'static str,
-    /// Description.
-    pub comment: &'static str,
-    /// Raw values that have a name.
-    pub values: &'static [(i64, &'static str)],
-    /// Page this signal belongs to; `None` when every frame has it.
-    pub multiplexed: Option<u32>,
-    /// True for the signal that tells the page.
-    pub is_multiplexor: bool,
-}
-
-impl SignalInfo {
-    /// Name of a raw value, when the DBC gives it one.
-    pub fn value_text(&self, raw: i64) -> Option<&'static str> {
-        self.values.iter().find(|(value, _)| *value == raw).map(|(_, text)| *text)
-    }
-
-    fn read(&self, payload: &Payload) -> i64 {
-        if self.signed {
-            bits::get_signed(payload, self.start_bit, self.size)
-        } else {
-            bits::get(payload, self.start_bit, self.size) as i64
-        }
-    }
-
-    fn scale(&self, raw: i64) -> f64 {
-        raw as f64 * self.factor + self.offset
-    }
-}
-
-/// One message as the DBC describes it.
-#[derive(Debug)]
-pub struct MessageInfo {
-    /// Name in the DBC.
-    pub name: &'static str,
-    /// 29-bit identifier.
-    pub id: u32,
-    /// Payload length in bytes.
-    pub length: usize,
-    /// Cycle time, milliseconds.
-    pub cycle_time_ms: u32,
-    /// Data ID of the E2E protection.
-    pub e2e_data_id: u16,
-    /// Node that sends it.
-    pub sender: &'static str,
-    /// Number of pages; 1 when not multiplexed.
-    pub pages: u32,
-    /// Description.
-    pub comment: &'static str,
-    /// Its signals: `E2eCrc` and `E2eCounter`, those in every frame, then page by page.
-    pub signals: &'static [SignalInfo],
-}
+use crate::reading::Reading;
 
 /// Why a message was not encoded. Carries the name of the signal in the DBC.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -114,46 +26,27 @@ pub enum DecodeError {
     /// The identifier is not in the DBC, or not the one of the message asked for.
     #[error("the identifier is not the expected one")]
     UnknownId,
-    /// Not an extended CAN FD data frame.
-    #[error("not an extended CAN FD data frame")]
+    /// Not a data frame of the message's format: extended, and CAN FD or classic.
+    #[error("not an extended data frame of the message's format")]
     WrongFlags,
     /// The payload length differs from the DBC.
     #[error("the payload length differs from the DBC")]
     WrongLength,
-    /// The E2E CRC does not match.
-    #[error("the E2E CRC does not match")]
+    /// The checksum does not match.
+    #[error("the checksum does not match")]
     Crc,
     /// The signal's value leaves the DBC's range or has no meaning in its value table.
     #[error("{0} is out of the range the DBC allows")]
     OutOfRange(&'static str),
 }
 
-/// The DBC's description of the message with this 29-bit identifier.
-pub fn message_info(id: u32) -> Option<&'static MessageInfo> {
-    MESSAGES.iter().find(|message| message.id == id)
-}
-
-/// Calls `visit` with each signal of a frame of the contract, its raw and its physical value.
-///
-/// For tools that show whatever is on the bus: neither CRC nor ranges are judged, and of a
-/// multiplexed message only the page the frame carries is visited. Returns the message, or `None`
-/// (and no call) when the frame is no data frame of the contract or its length differs.
-pub fn decode_signals(
-    frame: &Frame,
-    visit: &mut dyn FnMut(&'static SignalInfo, i64, f64),
-) -> Option<&'static MessageInfo> {
-    let message = message_info(frame.id())?;
-    check_shape(frame, message).ok()?;
-    let payload = frame.payload();
-    let page = message.signals.iter().find(|signal| signal.is_multiplexor);
-    let page = page.map(|signal| signal.read(payload));
-    for signal in message.signals {
-        if signal.multiplexed.is_none() || signal.multiplexed.map(i64::from) == page {
-            let raw = signal.read(payload);
-            visit(signal, raw, signal.scale(raw));
-        }
+/// A payload before any signal is in it: unused bits are 0, in classic J1939 frames 1.
+pub(crate) fn blank(message: &MessageInfo) -> Payload {
+    let mut payload = [0; Frame::CAPACITY];
+    if !message.is_fd {
+        payload[..message.length].fill(0xFF);
     }
-    Some(message)
+    payload
 }
 
 /// Writes a scaled signal.
@@ -170,6 +63,22 @@ pub(crate) fn put_physical(
     }
     let raw = ((value - signal.offset) / signal.factor).round_ties_even();
     put_integer(payload, signal, raw as i128)
+}
+
+/// Writes a scaled signal or the code that stands for no value.
+pub(crate) fn put_reading(
+    payload: &mut Payload,
+    signal: &SignalInfo,
+    reading: Reading<f64>,
+) -> Result<(), EncodeError> {
+    let code = match reading {
+        Reading::Value(value) => return put_physical(payload, signal, value),
+        Reading::Error => signal.codes.and_then(|codes| codes.error),
+        Reading::NotAvailable => signal.codes.map(|codes| codes.not_available),
+    };
+    let raw = code.ok_or(EncodeError::OutOfRange(signal.name))?;
+    bits::put(payload, signal.start_bit, signal.size, raw as u64);
+    Ok(())
 }
 
 /// Writes a signal given in raw steps.
@@ -196,7 +105,16 @@ pub(crate) fn integer(payload: &Payload, signal: &SignalInfo) -> Result<i64, Dec
 
 /// Reads a scaled signal.
 pub(crate) fn physical(payload: &Payload, signal: &SignalInfo) -> Result<f64, DecodeError> {
-    integer(payload, signal).map(|raw| signal.scale(raw))
+    integer(payload, signal).map(|raw| raw as f64 * signal.factor + signal.offset)
+}
+
+/// Reads a scaled signal that may have no value.
+pub(crate) fn reading(payload: &Payload, signal: &SignalInfo) -> Result<Reading<f64>, DecodeError> {
+    let raw = signal.read(payload);
+    if raw < signal.raw_min {
+        return Err(DecodeError::OutOfRange(signal.name));
+    }
+    Ok(signal.reading(raw))
 }
 
 /// Reads a signal whose every value must have a meaning.
@@ -246,29 +164,31 @@ fn page_window(
 }
 
 /// Protects a filled payload and makes the frame.
-pub(crate) fn seal(mut payload: Payload, message: &MessageInfo, counter: u8) -> Frame {
-    e2e::protect(&mut payload[..message.length], message.e2e_data_id, counter);
-    Frame::sealed(message.id, message.length, payload)
+pub(crate) fn seal(mut payload: Payload, message: &MessageInfo) -> Frame {
+    message.protection.seal(&mut payload, message.length, message.id);
+    Frame::sealed(message.id, message.is_fd, message.length, payload)
 }
 
-/// Judges a frame as this message; its payload and alive counter when it is one, undamaged.
+/// Judges a frame as this message; its payload when it is one, undamaged.
 ///
 /// The BRS and ESI flags are not judged: they tell how the frame was sent, not what it says.
 pub(crate) fn open<'a>(
     frame: &'a Frame,
     message: &MessageInfo,
-) -> Result<(&'a Payload, u8), DecodeError> {
+) -> Result<&'a Payload, DecodeError> {
     check_shape(frame, message)?;
-    let counter = e2e::check(frame.data(), message.e2e_data_id).ok_or(DecodeError::Crc)?;
-    Ok((frame.payload(), counter))
+    let payload = frame.payload();
+    let is_whole = message.protection.check(payload, message.length, message.id);
+    if is_whole { Ok(payload) } else { Err(DecodeError::Crc) }
 }
 
-fn check_shape(frame: &Frame, message: &MessageInfo) -> Result<(), DecodeError> {
+/// Judges identifier, format and length of a frame as those of this message.
+pub(crate) fn check_shape(frame: &Frame, message: &MessageInfo) -> Result<(), DecodeError> {
     let flags = frame.flags();
     if !flags.is_extended || frame.id() != message.id {
         return Err(DecodeError::UnknownId);
     }
-    if !flags.is_fd || flags.is_rtr || flags.is_error {
+    if flags.is_fd != message.is_fd || flags.is_rtr || flags.is_error {
         return Err(DecodeError::WrongFlags);
     }
     if frame.data().len() != message.length {

@@ -11,7 +11,8 @@ use serde::{Deserialize, Serialize};
 
 /// Bytes taken by the protection at the start of the payload.
 pub const HEADER_LENGTH: usize = 3;
-const COUNTER_BYTE: usize = 2;
+/// Where the alive counter lies.
+pub(crate) const COUNTER_BYTE: usize = 2;
 
 /// Sixteen bytes per step: a 64-byte frame costs tens of nanoseconds.
 static CRC: Crc<u16, Table<16>> = Crc::<u16, Table<16>>::new(&CRC_16_IBM_3740);
@@ -81,9 +82,14 @@ impl Supervisor {
 
     /// Judges the counter of a frame that passed its CRC.
     pub fn see(&mut self, counter: u8) -> Continuity {
+        self.see_up_to(counter, u8::MAX)
+    }
+
+    /// Judges a counter that wraps from `counter_max`, one less than a power of two, to 0.
+    pub fn see_up_to(&mut self, counter: u8, counter_max: u8) -> Continuity {
         let continuity = match self.last.replace(counter) {
             None => Continuity::First,
-            Some(last) => match counter.wrapping_sub(last) {
+            Some(last) => match counter.wrapping_sub(last) & counter_max {
                 0 => Continuity::Repeated,
                 1 => Continuity::Ok,
                 step => Continuity::Lost(step - 1),
@@ -149,5 +155,13 @@ mod tests {
         assert_eq!(seen, [First, Ok, Ok, Repeated, Lost(2)]);
         let counts = supervisor.counts();
         assert_eq!((counts.seen, counts.repeated, counts.lost), (5, 1, 2));
+    }
+
+    #[test]
+    fn a_short_counter_wraps_at_its_own_end() {
+        let mut supervisor = Supervisor::new();
+        let seen = [6, 7, 0, 0, 7].map(|counter| supervisor.see_up_to(counter, 7));
+        use Continuity::{First, Lost, Ok, Repeated};
+        assert_eq!(seen, [First, Ok, Ok, Repeated, Lost(6)]);
     }
 }

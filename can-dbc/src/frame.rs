@@ -100,11 +100,16 @@ impl Frame {
         Ok(Self { id, flags, length: length as u8, payload })
     }
 
-    /// An extended FD frame with bit rate switch whose parts the DBC has already vouched for.
-    pub(crate) fn sealed(id: u32, length: usize, payload: [u8; Self::CAPACITY]) -> Self {
+    /// An extended frame, classic or FD with bit rate switch, whose parts the DBC has already
+    /// vouched for.
+    pub(crate) fn sealed(
+        id: u32,
+        is_fd: bool,
+        length: usize,
+        payload: [u8; Self::CAPACITY],
+    ) -> Self {
         debug_assert!(id <= EXTENDED_ID_MAX && length <= Self::CAPACITY);
-        let flags =
-            FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
+        let flags = FrameFlags { is_extended: true, is_fd, brs: is_fd, ..FrameFlags::default() };
         Self { id, flags, length: length as u8, payload }
     }
 
@@ -230,11 +235,11 @@ mod tests {
 
     #[test]
     fn equality_ignores_bytes_beyond_the_length() {
-        let short = Frame::sealed(1, 3, [7; 64]);
+        let short = Frame::sealed(1, true, 3, [7; 64]);
         let mut other = [7; 64];
         other[3] = 0;
-        assert_eq!(short, Frame::sealed(1, 3, other));
-        assert_ne!(short, Frame::sealed(1, 8, other));
+        assert_eq!(short, Frame::sealed(1, true, 3, other));
+        assert_ne!(short, Frame::sealed(1, true, 8, other));
     }
 
     #[test]

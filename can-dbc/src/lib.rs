@@ -27,12 +27,17 @@
 mod bits;
 mod bus;
 pub mod bus_time;
+mod catalogue;
+mod checksum;
 mod codec;
 pub mod e2e;
 mod frame;
+pub mod j1939;
 mod messages;
 pub mod probe;
 mod profile;
+mod protection;
+mod reading;
 mod time;
 
 pub use bus::{
@@ -40,12 +45,15 @@ pub use bus::{
     ReceiveError, Received, SendError, SocketCan, Udp, UdpOptions,
 };
 pub use bus_time::BusTiming;
-pub use codec::{
-    ByteOrder, DecodeError, EncodeError, MessageInfo, SignalInfo, decode_signals, message_info,
+pub use catalogue::{
+    ByteOrder, Codes, MessageInfo, SignalInfo, decode_signals, encode_signals, message_info,
 };
+pub use codec::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFlags};
 pub use messages::*;
 pub use profile::{Decoder, Encoder, Heard, Profile, Refusal, UnknownProfile, Vehicle};
+pub use protection::Protection;
+pub use reading::Reading;
 pub use time::Clock;
 
 /// The text of `platoon.dbc`, to be attached to recordings and handed to other tools.

@@ -18,9 +18,11 @@
 //! ```
 
 mod fd;
+mod j1939;
 
 use crate::bus_time::BusTiming;
-use crate::codec::{DecodeError, EncodeError, MessageInfo};
+use crate::catalogue::MessageInfo;
+use crate::codec::{DecodeError, EncodeError};
 use crate::frame::Frame;
 use crate::messages::{MESSAGES, Message};
 use serde::{Deserialize, Serialize};
@@ -60,12 +62,18 @@ impl Profile {
 
     /// Every message a bus of this profile carries, by identifier.
     pub fn messages(self) -> &'static [MessageInfo] {
-        MESSAGES
+        match self {
+            Self::Fd => MESSAGES,
+            Self::J1939 => crate::j1939::MESSAGES,
+        }
     }
 
     /// The text of the profile's DBC, to be attached to recordings and handed to other tools.
     pub const fn dbc(self) -> &'static str {
-        crate::DBC
+        match self {
+            Self::Fd => crate::DBC,
+            Self::J1939 => crate::j1939::DBC,
+        }
     }
 
     /// Highest rate of the control loop that the profile can carry, Hz.
@@ -114,12 +122,21 @@ impl Default for Vehicle {
 
 /// Turns messages into frames. Holds alive counters and the rates of the profile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Encoder(fd::Encoder);
+pub struct Encoder(Encoding);
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+enum Encoding {
+    Fd(fd::Encoder),
+    J1939(j1939::Encoder),
+}
 
 impl Encoder {
     /// An encoder that has sent nothing.
-    pub fn new(_profile: Profile, _vehicle: Vehicle) -> Self {
-        Self(fd::Encoder::default())
+    pub fn new(profile: Profile, vehicle: Vehicle) -> Self {
+        Self(match profile {
+            Profile::Fd => Encoding::Fd(fd::Encoder::default()),
+            Profile::J1939 => Encoding::J1939(j1939::Encoder::new(vehicle)),
+        })
     }
 
     /// Hands the frames of a message to `emit`, in sending order; none where the profile's rate
@@ -133,27 +150,45 @@ impl Encoder {
     pub fn encode(
         &mut self,
         message: &Message,
-        _time_ns: u64,
+        time_ns: u64,
         emit: &mut dyn FnMut(&Frame),
     ) -> Result<(), EncodeError> {
-        self.0.encode(message, emit)
+        match &mut self.0 {
+            Encoding::Fd(encoder) => encoder.encode(message, emit),
+            Encoding::J1939(encoder) => encoder.encode(message, time_ns, emit),
+        }
     }
 
     /// Notes what the actuators do, which some profiles publish beside `EgoState`.
     ///
     /// `force_n` is the longitudinal force at the wheels, positive forward, `steering_rad` the angle
     /// of the front wheels, positive to the left. Until called, both are unknown.
-    pub fn note_actuators(&mut self, _force_n: f64, _steering_rad: f64) {}
+    pub fn note_actuators(&mut self, force_n: f64, steering_rad: f64) {
+        match &mut self.0 {
+            Encoding::Fd(_) => {}
+            Encoding::J1939(encoder) => encoder.note_actuators(force_n, steering_rad),
+        }
+    }
 }
 
 /// Turns frames into messages, and supervises counters and checksums.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Decoder(fd::Decoder);
+pub struct Decoder(Decoding);
+
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(clippy::large_enum_variant, reason = "it is plain data that is never moved about")]
+enum Decoding {
+    Fd(fd::Decoder),
+    J1939(j1939::Decoder),
+}
 
 impl Decoder {
     /// A decoder that has heard nothing.
-    pub fn new(_profile: Profile, _vehicle: Vehicle) -> Self {
-        Self(fd::Decoder::default())
+    pub fn new(profile: Profile, vehicle: Vehicle) -> Self {
+        Self(match profile {
+            Profile::Fd => Decoding::Fd(fd::Decoder::default()),
+            Profile::J1939 => Decoding::J1939(j1939::Decoder::new(vehicle)),
+        })
     }
 
     /// Judges a frame and takes it in.
@@ -161,7 +196,10 @@ impl Decoder {
     /// # Errors
     /// [`Refusal`] when the frame must have no effect.
     pub fn take(&mut self, frame: &Frame) -> Result<Heard, Refusal> {
-        self.0.take(frame)
+        match &mut self.0 {
+            Decoding::Fd(decoder) => decoder.take(frame),
+            Decoding::J1939(decoder) => decoder.take(frame),
+        }
     }
 }
 
@@ -217,7 +255,7 @@ mod tests {
         for profile in Profile::ALL {
             let mut encoder = Encoder::new(profile, Vehicle::default());
             let mut decoder = Decoder::new(profile, Vehicle::default());
-            let mut step = |encoder: &mut Encoder, decoder: &mut Decoder, tick: u32| {
+            let step = |encoder: &mut Encoder, decoder: &mut Decoder, tick: u32| {
                 let state = Message::EgoState(EgoState { tick, ..EgoState::default() });
                 let mut heard = Vec::new();
                 let time_ns = u64::from(tick) * 10_000_000;

@@ -6,7 +6,7 @@ use std::io::BufWriter;
 
 use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, WriteOptions};
-use platoon_dbc::MESSAGES;
+use platoon_dbc::MessageInfo;
 
 use crate::frame::FrameRecord;
 use crate::part::MERGED;
@@ -46,8 +46,8 @@ pub(crate) struct Merged {
     writer: mcap::Writer<BufWriter<File>>,
     start_wall_ns: u64,
     copied: BTreeMap<Topic, u16>,
-    /// Channels of decoded signals by bus and place in `MESSAGES`.
-    decoded: BTreeMap<(u8, usize), Decoded>,
+    /// Channels of decoded signals by bus and identifier.
+    decoded: BTreeMap<(u8, u32), Decoded>,
     decoded_period_ns: u64,
     scene: Option<u16>,
     scene_due_ns: u64,
@@ -159,28 +159,27 @@ impl Merged {
         let Ok(record) = FrameRecord::decode(&message.data, 0, 0, 0) else {
             return Ok(());
         };
-        let Some(index) = signals::index(&record.frame) else {
+        let Some(info) = signals::message(&record.frame) else {
             return Ok(());
         };
-        let decoded = self.decoded(bus, index)?;
+        let decoded = self.decoded(bus, info)?;
         if !decoded.is_due(message.time_ns(), self.decoded_period_ns) {
             return Ok(());
         }
         let newest_ns = Some(message.time_ns());
-        self.decoded.insert((bus, index), Decoded { newest_ns, ..decoded });
+        self.decoded.insert((bus, info.id), Decoded { newest_ns, ..decoded });
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
-        signals::encode(index, &record.frame, &mut buffer);
+        signals::encode(info, &record.frame, &mut buffer);
         let result = self.put(MessageHeader { channel_id: decoded.channel, ..header }, &buffer);
         self.buffer = buffer;
         result
     }
 
-    fn decoded(&mut self, bus: u8, index: usize) -> Result<Decoded, McapError> {
-        if let Some(decoded) = self.decoded.get(&(bus, index)) {
+    fn decoded(&mut self, bus: u8, info: &MessageInfo) -> Result<Decoded, McapError> {
+        if let Some(decoded) = self.decoded.get(&(bus, info.id)) {
             return Ok(*decoded);
         }
-        let info = &MESSAGES[index];
         let schema = Schema {
             name: signals::schema_name(info).into(),
             encoding: "protobuf",
@@ -194,7 +193,7 @@ impl Merged {
         let topic = format!("/bus{bus}/{}", info.name);
         let channel = self.add_channel(&topic, &schema, &metadata)?;
         let decoded = Decoded { channel, newest_ns: None };
-        self.decoded.insert((bus, index), decoded);
+        self.decoded.insert((bus, info.id), decoded);
         Ok(decoded)
     }
 

@@ -1,14 +1,18 @@
-//! Decoded signals: one protobuf message per message of `platoon.dbc`.
+//! Decoded signals: one protobuf message per message of `platoon.dbc` and of `j1939.dbc`.
 //!
-//! The descriptors are made from [`platoon_dbc::MESSAGES`], so the DBC stays the only place that
+//! The descriptors are made from the tables of `platoon_dbc`, so the DBCs stay the only place that
 //! lists signals. Field `i + 1` is signal `i`, named in snake case. A signal with factor 1 and
 //! offset 0 is an integer field, any other a `double` in its DBC unit; one with a value table
 //! also has a string field `<name>_text` with number `i + 1001`. Signals of a multiplexed page
 //! are `optional`: a frame sets those of the page it carries.
+//!
+//! A J1939 signal that its sender does not have is no number: its field is `optional` and stays
+//! unset, and the reason, `error` or `not available`, stands in its text field or, when its value
+//! table has nothing else, in the string field `<name>_status` with number `i + 2001`.
 
 use std::collections::BTreeMap;
 
-use platoon_dbc::{Frame, MESSAGES, MessageInfo, SignalInfo};
+use platoon_dbc::{Frame, MessageInfo, Reading, SignalInfo};
 use prost_types::field_descriptor_proto::Type;
 use prost_types::{
     DescriptorProto, FieldDescriptorProto, FileDescriptorProto, OneofDescriptorProto,
@@ -17,9 +21,9 @@ use prost_types::{
 use crate::schema::{Files, Shape, field_descriptor, file_name};
 use crate::wire::{self, WireType, put_tag, put_varint};
 
-const PACKAGE: &str = "platoon.dbc";
-/// What separates a signal's field number from that of its text.
+/// What separates a signal's field number from that of its text, and of its status.
 const TEXT_NUMBER: u32 = 1000;
+const STATUS_NUMBER: u32 = 2000;
 
 /// How a signal's value is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -51,9 +55,14 @@ impl Kind {
     }
 }
 
+/// Messages of the two DBCs are told apart by their package.
+fn package(message: &MessageInfo) -> &'static str {
+    if message.is_fd { "platoon.dbc" } else { "platoon.j1939" }
+}
+
 /// The schema name of a message's decoded form.
 pub(crate) fn schema_name(message: &MessageInfo) -> String {
-    format!("{PACKAGE}.{}", message.name)
+    format!("{}.{}", package(message), message.name)
 }
 
 /// The encoded `FileDescriptorSet` of a message's decoded form.
@@ -66,7 +75,7 @@ pub(crate) fn descriptor_set(message: &MessageInfo) -> Vec<u8> {
     let mut files = Files::default();
     files.add_file(FileDescriptorProto {
         name: Some(file_name(&schema_name(message))),
-        package: Some(PACKAGE.into()),
+        package: Some(package(message).into()),
         syntax: Some("proto3".into()),
         message_type: vec![described],
         ..FileDescriptorProto::default()
@@ -78,17 +87,31 @@ fn add_signal(described: &mut DescriptorProto, signal: &SignalInfo, number: i32)
     let name = snake_case(signal.name);
     let kind = Kind::of(signal).protobuf(signal.size);
     let mut fields = vec![field_descriptor(&name, number, &Shape::scalar(kind))];
-    if !signal.values.is_empty() {
-        let shape = Shape::scalar(Type::String);
-        let number = number + TEXT_NUMBER as i32;
-        fields.push(field_descriptor(&format!("{name}_text"), number, &shape));
+    if let Some((suffix, distance)) = text_field(signal) {
+        let (name, number) = (format!("{name}_{suffix}"), number + distance as i32);
+        fields.push(field_descriptor(&name, number, &Shape::scalar(Type::String)));
     }
     for mut field in fields {
-        if signal.multiplexed.is_some() {
+        if is_optional(signal) {
             make_optional(described, &mut field);
         }
         described.field.push(field);
     }
+}
+
+/// Suffix and distance of the string field beside a signal, if it has one.
+fn text_field(signal: &SignalInfo) -> Option<(&'static str, u32)> {
+    let is_code = |raw: i64| signal.reading(raw).value().is_none();
+    match signal.values {
+        [] => None,
+        values if values.iter().all(|(raw, _)| is_code(*raw)) => Some(("status", STATUS_NUMBER)),
+        _ => Some(("text", TEXT_NUMBER)),
+    }
+}
+
+/// Whether a frame of the message may say nothing of the signal.
+fn is_optional(signal: &SignalInfo) -> bool {
+    signal.multiplexed.is_some() || signal.codes.is_some()
 }
 
 /// proto3 `optional`: the field alone in a oneof of its own.
@@ -115,32 +138,44 @@ pub(crate) fn channel_metadata(message: &MessageInfo) -> BTreeMap<String, String
     metadata
 }
 
-/// Which of [`MESSAGES`] a frame is; `None` when it is none of the contract.
-pub(crate) fn index(frame: &Frame) -> Option<usize> {
+/// Which message of a DBC a frame is; `None` when it is none.
+pub(crate) fn message(frame: &Frame) -> Option<&'static MessageInfo> {
     // Judges the frame's kind and length; there is nothing to visit yet.
-    let message = platoon_dbc::decode_signals(frame, &mut |_, _, _| {})?;
-    MESSAGES.iter().position(|other| other.id == message.id)
+    platoon_dbc::decode_signals(frame, &mut |_, _, _| {})
 }
 
-/// Appends the signals of a frame that is the message at `index` as protobuf.
-pub(crate) fn encode(index: usize, frame: &Frame, out: &mut Vec<u8>) {
-    let signals = MESSAGES[index].signals;
+/// Appends the signals of a frame that is this message as protobuf.
+pub(crate) fn encode(message: &MessageInfo, frame: &Frame, out: &mut Vec<u8>) {
+    let signals = message.signals;
     let mut cursor = 0;
-    platoon_dbc::decode_signals(frame, &mut |signal, raw, physical| {
+    platoon_dbc::decode_signals(frame, &mut |signal, raw, reading| {
         // Signals are visited in the order of the table.
         while !std::ptr::eq(&raw const signals[cursor], signal) {
             cursor += 1;
         }
-        put_signal(signal, cursor as u32 + 1, raw, physical, out);
+        put_signal(signal, cursor as u32 + 1, raw, reading, out);
     });
 }
 
-fn put_signal(signal: &SignalInfo, number: u32, raw: i64, physical: f64, out: &mut Vec<u8>) {
-    if let Some(text) = signal.value_text(raw) {
-        let number = number + TEXT_NUMBER;
-        wire::put_delimited(out, number, |out| out.extend_from_slice(text.as_bytes()));
+fn put_signal(
+    signal: &SignalInfo,
+    number: u32,
+    raw: i64,
+    reading: Reading<f64>,
+    out: &mut Vec<u8>,
+) {
+    let text = match reading {
+        Reading::Value(_) => signal.value_text(raw),
+        Reading::Error => Some("error"),
+        Reading::NotAvailable => Some("not available"),
+    };
+    if let (Some(text), Some((_, distance))) = (text, text_field(signal)) {
+        wire::put_delimited(out, number + distance, |out| out.extend_from_slice(text.as_bytes()));
     }
-    if raw == 0 && physical == 0.0 && signal.multiplexed.is_none() {
+    let Reading::Value(physical) = reading else {
+        return;
+    };
+    if raw == 0 && physical == 0.0 && !is_optional(signal) {
         return; // proto3's default
     }
     match Kind::of(signal) {
@@ -175,6 +210,10 @@ fn snake_case(name: &str) -> String {
 mod tests {
     use super::*;
 
+    fn all_messages() -> impl Iterator<Item = &'static MessageInfo> {
+        platoon_dbc::MESSAGES.iter().chain(platoon_dbc::j1939::MESSAGES)
+    }
+
     #[test]
     fn field_names_are_in_snake_case() {
         assert_eq!(snake_case("E2eCrc"), "e2e_crc");
@@ -183,7 +222,7 @@ mod tests {
 
     #[test]
     fn field_names_of_a_message_are_unique() {
-        for message in MESSAGES {
+        for message in all_messages() {
             let mut names: Vec<_> = message.signals.iter().map(|s| snake_case(s.name)).collect();
             names.sort();
             names.dedup();
@@ -194,26 +233,66 @@ mod tests {
     #[test]
     fn a_frame_of_no_known_message_has_no_signals() {
         let frame = Frame::new(0x123, platoon_dbc::FrameFlags::default(), &[1]).expect("valid");
-        assert_eq!(index(&frame), None);
+        assert!(message(&frame).is_none());
     }
 
     #[test]
-    fn every_message_of_the_contract_encodes() {
-        for (number, message) in MESSAGES.iter().enumerate() {
+    fn every_message_of_every_profile_encodes() {
+        for info in all_messages() {
             let flags = platoon_dbc::FrameFlags {
                 is_extended: true,
-                is_fd: true,
-                brs: true,
+                is_fd: info.is_fd,
                 ..platoon_dbc::FrameFlags::default()
             };
             for byte in [0, 1, 0x55, 0xff] {
-                let data = vec![byte; message.length];
-                let frame = Frame::new(message.id, flags, &data).expect("valid");
-                assert_eq!(index(&frame), Some(number), "{}", message.name);
+                let data = vec![byte; info.length];
+                let frame = Frame::new(info.id, flags, &data).expect("valid");
+                assert_eq!(message(&frame).map(|message| message.name), Some(info.name));
                 let mut bytes = Vec::new();
-                encode(number, &frame, &mut bytes);
-                assert!(byte == 0 || !bytes.is_empty(), "{}", message.name);
+                encode(info, &frame, &mut bytes);
+                assert!(byte == 0 || !bytes.is_empty(), "{}", info.name);
             }
         }
+    }
+
+    /// Fields of the encoded message: their numbers, and strings among them.
+    fn fields(info: &MessageInfo, data: &[u8]) -> Vec<(u32, Option<String>)> {
+        let flags =
+            platoon_dbc::FrameFlags { is_extended: true, ..platoon_dbc::FrameFlags::default() };
+        let frame = Frame::new(info.id, flags, data).expect("valid");
+        let (mut bytes, mut fields) = (Vec::new(), Vec::new());
+        encode(info, &frame, &mut bytes);
+        let mut left = bytes.as_slice();
+        while !left.is_empty() {
+            let (number, wire) = prost::encoding::decode_key(&mut left).expect("a key");
+            let mut text = String::new();
+            if wire == prost::encoding::WireType::LengthDelimited {
+                let context = prost::encoding::DecodeContext::default();
+                prost::encoding::string::merge(wire, &mut text, &mut left, context).expect("text");
+            } else {
+                let context = prost::encoding::DecodeContext::default();
+                prost::encoding::skip_field(wire, number, &mut left, context).expect("a field");
+            }
+            fields.push((number, Some(text).filter(|text| !text.is_empty())));
+        }
+        fields
+    }
+
+    #[test]
+    fn what_is_not_available_is_no_number_and_says_so() {
+        let vdc2 = platoon_dbc::message_info(platoon_dbc::j1939::Vdc2::ID).expect("known");
+        let status = |number, text: &str| (number, Some(text.to_owned()));
+        // Angle and turns not available, sensor of an unknown kind, yaw rate in error, the rest 0.
+        let found = fields(vdc2, &[0xff, 0xff, 0xff, 0x00, 0xfe, 0, 0, 0]);
+        let codes = ["not available", "not available", "not available", "error"];
+        let expected = [
+            status(2001, codes[0]),
+            status(2002, codes[1]),
+            status(1003, codes[2]),
+            status(2004, codes[3]),
+            (5, None),
+            (6, None),
+        ];
+        assert_eq!(found, expected);
     }
 }

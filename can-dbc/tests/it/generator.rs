@@ -2,10 +2,16 @@
 
 #[path = "../../build/emit.rs"]
 mod emit;
+#[path = "../../build/layout.rs"]
+mod layout;
 #[path = "../../build/model.rs"]
 mod model;
 #[path = "../../build/names.rs"]
 mod names;
+#[path = "../../build/signal.rs"]
+mod signal;
+#[path = "../../build/tables.rs"]
+mod tables;
 
 use model::Contract;
 
@@ -42,7 +48,7 @@ BA_DEF_DEF_ "GenSigStartValue" 0;
 
 fn refusal(from: &str, to: &str) -> String {
     assert!(GOOD.contains(from), "{from}");
-    match Contract::read(&GOOD.replace(from, to)) {
+    match Contract::read(&GOOD.replace(from, to), None) {
         Ok(_) => panic!("accepted with {to}"),
         Err(refusal) => refusal,
     }
@@ -50,11 +56,12 @@ fn refusal(from: &str, to: &str) -> String {
 
 #[test]
 fn a_good_dbc_is_understood() {
-    let contract = Contract::read(GOOD).expect("good");
+    let contract = Contract::read(GOOD, None).expect("good");
     let message = &contract.messages[0];
     let fields: Vec<_> = message.fields.iter().map(|field| field.name.as_str()).collect();
     assert_eq!(fields, ["page", "speed_mps"]);
-    assert_eq!((message.id, message.cycle_time_ms, message.e2e_data_id), (0x18FF_1080, 10, 5));
+    let data_id = message.protection.data_id();
+    assert_eq!((message.id, message.cycle_time_ms, data_id), (0x18FF_1080, 10, Some(5)));
     assert_eq!((message.signals[3].raw_min, message.signals[3].raw_max), (-32_768, 32_767));
     let code = emit::code(&contract);
     for line in ["pub speed_mps: f64,", "pub page: u8,", "pub const ID: u32 = 0x18FF1080;"] {
