@@ -12,7 +12,9 @@ const LISTEN_MS: u64 = 250;
 /// The bus of one run: where every truck's bus is.
 #[derive(Debug)]
 pub struct BusChoice {
-    kind: Chosen,
+    address: BusAddress,
+    /// Keeps the UDP port for the run; none in a process that joins another's.
+    _lease: Option<PortLease>,
     /// Why this one, for people.
     pub reason: String,
     /// Whether commands on a physical interface were allowed.
@@ -21,16 +23,20 @@ pub struct BusChoice {
     made: Vec<Vcan>,
 }
 
-#[derive(Debug)]
-enum Chosen {
+/// Where the buses of a run are: enough to open one more end of each.
+#[derive(Debug, Clone)]
+pub enum BusAddress {
+    /// Interfaces of the kernel, one per truck.
     SocketCan {
+        /// Their names; none for truck0, truck1 and so on.
         interfaces: Vec<String>,
     },
+    /// Multicast groups on the loopback interface.
     Udp {
+        /// The port they share.
         port: u16,
-        /// Held while the run lasts; none in a process that joins another's run.
-        _lease: Option<PortLease>,
     },
+    /// In memory.
     Loopback,
 }
 
@@ -70,24 +76,28 @@ impl BusChoice {
             || (asked == BusKind::Auto
                 && place.interfaces.is_empty()
                 && !can::kernel_support().is_available());
-        let kind = match asked {
+        let address = match asked {
             BusKind::Loopback => {
                 return Err(Failure::usage(
                     "--bus loopback lives inside one process; \
                      use `platoon rehearse --virtual-time`",
                 ));
             }
-            _ if udp => Chosen::Udp { port: place.port.unwrap_or(Udp::FIRST_PORT), _lease: None },
-            _ => Chosen::SocketCan { interfaces: place.interfaces.clone() },
+            _ if udp => BusAddress::Udp { port: place.port.unwrap_or(Udp::FIRST_PORT) },
+            _ => BusAddress::SocketCan { interfaces: place.interfaces.clone() },
         };
-        let armed = place.arm;
-        Self { kind, reason: "joining a run".into(), armed, made: Vec::new() }.armed_if_physical()
+        let mut joined = Self::at(address, "joining a run");
+        joined.armed = place.arm;
+        joined.armed_if_physical()
     }
 
     /// In memory, for virtual time.
     pub fn loopback() -> Self {
-        let reason = "virtual time".into();
-        Self { kind: Chosen::Loopback, reason, armed: false, made: Vec::new() }
+        Self::at(BusAddress::Loopback, "virtual time")
+    }
+
+    fn at(address: BusAddress, reason: impl Into<String>) -> Self {
+        Self { address, _lease: None, reason: reason.into(), armed: false, made: Vec::new() }
     }
 
     fn udp(place: &BusPlace, reason: String) -> Result<Self, Failure> {
@@ -99,12 +109,11 @@ impl BusChoice {
                 "--port {asked}: another run or program has it; choose another, or leave --port \
                  out to take the next free one (now {port})"
             ))),
-            _ => Ok(Self {
-                kind: Chosen::Udp { port, _lease: Some(lease) },
-                reason,
-                armed: false,
-                made: Vec::new(),
-            }),
+            _ => {
+                let mut chosen = Self::at(BusAddress::Udp { port }, reason);
+                chosen._lease = Some(lease);
+                Ok(chosen)
+            }
         }
     }
 
@@ -117,8 +126,10 @@ impl BusChoice {
         } else {
             (named_interfaces(place, trucks)?, Vec::new())
         };
-        let kind = Chosen::SocketCan { interfaces };
-        let chosen = Self { kind, reason, armed: place.arm, made }.armed_if_physical()?;
+        let address = BusAddress::SocketCan { interfaces };
+        let mut chosen = Self::at(address, reason);
+        (chosen.armed, chosen.made) = (place.arm, made);
+        let chosen = chosen.armed_if_physical()?;
         if place.share { Ok(chosen) } else { chosen.alone() }
     }
 
@@ -149,46 +160,46 @@ impl BusChoice {
     }
 
     fn socketcan_interfaces(&self) -> impl Iterator<Item = &String> {
-        match &self.kind {
-            Chosen::SocketCan { interfaces } => interfaces.iter(),
-            Chosen::Udp { .. } | Chosen::Loopback => [].iter(),
+        match &self.address {
+            BusAddress::SocketCan { interfaces } => interfaces.iter(),
+            BusAddress::Udp { .. } | BusAddress::Loopback => [].iter(),
         }
     }
 
     /// Kind of the bus, in the words of the summary.
     pub fn backend(&self) -> &'static str {
-        match self.kind {
-            Chosen::SocketCan { .. } => "socketcan",
-            Chosen::Udp { .. } => "udp",
-            Chosen::Loopback => "loopback",
+        match self.address {
+            BusAddress::SocketCan { .. } => "socketcan",
+            BusAddress::Udp { .. } => "udp",
+            BusAddress::Loopback => "loopback",
         }
     }
 
     /// Name of each truck's bus.
     pub fn interfaces(&self, trucks: usize) -> Vec<String> {
         (0..trucks)
-            .map(|truck| match &self.kind {
-                Chosen::SocketCan { interfaces } => {
+            .map(|truck| match &self.address {
+                BusAddress::SocketCan { interfaces } => {
                     interfaces.get(truck).cloned().unwrap_or_default()
                 }
-                Chosen::Udp { port, .. } => {
+                BusAddress::Udp { port, .. } => {
                     format!("udp:{}:{port}", Udp::group_of_bus(truck as u8))
                 }
-                Chosen::Loopback => format!("loopback{truck}"),
+                BusAddress::Loopback => format!("loopback{truck}"),
             })
             .collect()
     }
 
     /// The options that make another process join this bus.
     pub fn as_arguments(&self) -> Vec<String> {
-        let words: Vec<String> = match &self.kind {
-            Chosen::SocketCan { interfaces } => {
+        let words: Vec<String> = match &self.address {
+            BusAddress::SocketCan { interfaces } => {
                 let arm = self.armed.then(|| "--arm".to_owned());
                 let place = ["--interfaces".to_owned(), interfaces.join(",")];
                 place.into_iter().chain(arm).collect()
             }
-            Chosen::Udp { port, .. } => vec!["--port".into(), port.to_string()],
-            Chosen::Loopback => Vec::new(),
+            BusAddress::Udp { port, .. } => vec!["--port".into(), port.to_string()],
+            BusAddress::Loopback => Vec::new(),
         };
         ["--bus".to_owned(), self.backend().to_owned()].into_iter().chain(words).collect()
     }
@@ -198,7 +209,7 @@ impl BusChoice {
     /// # Errors
     /// What the back-end says, with the remedy.
     pub fn open(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
-        self.open_end(truck, false)
+        self.address.open(truck)
     }
 
     /// Opens the rig's end of a truck's bus, which hears its own frames too: it records the bus.
@@ -206,12 +217,27 @@ impl BusChoice {
     /// # Errors
     /// What the back-end says, with the remedy.
     pub fn open_for_rig(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
-        self.open_end(truck, true)
+        self.address.open_end(truck, true)
+    }
+
+    /// Where the buses are, for those who open ends of them elsewhere.
+    pub fn address(&self) -> &BusAddress {
+        &self.address
+    }
+}
+
+impl BusAddress {
+    /// Opens one end of a truck's bus.
+    ///
+    /// # Errors
+    /// What the back-end says, with the remedy.
+    pub fn open(&self, truck: u8) -> Result<Box<dyn Bus>, Failure> {
+        self.open_end(truck, false)
     }
 
     fn open_end(&self, truck: u8, echoes: bool) -> Result<Box<dyn Bus>, Failure> {
-        let opened: Result<Box<dyn Bus>, OpenError> = match &self.kind {
-            Chosen::SocketCan { interfaces } => {
+        let opened: Result<Box<dyn Bus>, OpenError> = match self {
+            BusAddress::SocketCan { interfaces } => {
                 // A single interface given to a lone ECU is that truck's, whatever its number.
                 let name = match interfaces.as_slice() {
                     [] => format!("truck{truck}"),
@@ -227,13 +253,13 @@ impl BusChoice {
                 let bus = if echoes { bus.and_then(SocketCan::with_echo) } else { bus };
                 bus.map(|bus| Box::new(bus) as _)
             }
-            Chosen::Udp { port, .. } => {
+            BusAddress::Udp { port, .. } => {
                 let tag = format!("truck{truck}");
                 let group = Udp::group_of_bus(truck);
                 Udp::join(UdpOptions { group, port: *port, tag: &tag })
                     .map(|bus| Box::new(if echoes { bus.with_echo() } else { bus }) as _)
             }
-            Chosen::Loopback => {
+            BusAddress::Loopback => {
                 return Err(Failure::usage("the loopback bus has no end outside its process"));
             }
         };

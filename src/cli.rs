@@ -1,5 +1,6 @@
 //! The command line: what can be asked, in the words users type.
 
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -66,6 +67,13 @@ pub struct RehearseArgs {
     /// kill-ecu@20:truck=2 or pause-ecu@30+0.5:truck=1. May be given more than once.
     #[arg(long, value_name = "SPEC")]
     pub fault: Vec<Fault>,
+    /// Let python-can, SavvyCAN and other socketcand clients attach over TCP, on this machine only
+    /// or, with ADDRESS:PORT, where that address is reached. Port 0 takes any that is free.
+    #[arg(long, value_name = "[ADDRESS:]PORT", value_parser = parse_gateway)]
+    pub socketcand: Option<SocketAddr>,
+    /// Announce the socketcand gateway by UDP broadcast on port 42000; SavvyCAN finds it only so.
+    #[arg(long, requires = "socketcand")]
+    pub socketcand_beacon: bool,
     /// Folder for the run's files; it must not hold a run already
     /// (default: `runs/<time>-<scenario>`).
     #[arg(long, value_name = "DIR")]
@@ -76,6 +84,23 @@ pub struct RehearseArgs {
     /// What rehearse and bench share.
     #[command(flatten)]
     pub run: RunArgs,
+}
+
+/// Where the socketcand gateway is and whether it says so.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct GatewayPlace {
+    /// Address and port it listens at.
+    pub address: SocketAddr,
+    /// Whether it announces itself.
+    pub has_beacon: bool,
+}
+
+impl RehearseArgs {
+    /// The gateway, if one is asked for.
+    pub fn gateway(&self) -> Option<GatewayPlace> {
+        let has_beacon = self.socketcand_beacon;
+        self.socketcand.map(|address| GatewayPlace { address, has_beacon })
+    }
 }
 
 /// What every run has.
@@ -470,6 +495,13 @@ fn parse_delay(text: &str) -> Result<V2vDelay, String> {
     }
 }
 
+fn parse_gateway(text: &str) -> Result<SocketAddr, String> {
+    let port = text.parse().map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    port.or_else(|_| text.parse()).map_err(|_| {
+        "give a port, such as 29536, or ADDRESS:PORT, such as 192.168.0.7:29536".to_owned()
+    })
+}
+
 fn parse_set(text: &str) -> Result<(String, String), String> {
     match text.split_once('=') {
         Some((key, value)) if !key.trim().is_empty() => {
@@ -506,6 +538,20 @@ mod tests {
         assert_eq!(rate(&["--profile", "j1939", "--rate-hz", "50"]), Some(50));
         assert_eq!(rate(&["--profile", "j1939", "--rate-hz", "101"]), None);
         assert_eq!(rate(&["--rate-hz", "2000"]), Some(2000));
+    }
+
+    #[test]
+    fn a_gateway_is_on_this_machine_unless_an_address_is_given() {
+        let gateway = |words: &[&str]| {
+            Cli::try_parse_from([&["platoon", "--socketcand"], words].concat())
+                .map(|cli| cli.rehearse.gateway().map(|place| place.address.to_string()))
+        };
+        assert_eq!(gateway(&["29536"]).ok(), Some(Some("127.0.0.1:29536".into())));
+        assert_eq!(gateway(&["0.0.0.0:1"]).ok(), Some(Some("0.0.0.0:1".into())));
+        assert_eq!(gateway(&["[::1]:1"]).ok(), Some(Some("[::1]:1".into())));
+        for nonsense in ["70000", "here", "127.0.0.1", "127.0.0.1:"] {
+            assert!(gateway(&[nonsense]).is_err(), "{nonsense}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ mod clock;
 mod controller;
 mod failure;
 mod fault;
+mod gateway;
 mod process;
 mod progress;
 pub mod rehearse;

@@ -71,6 +71,12 @@ impl<'a> Plan<'a> {
                 "--virtual-time runs on the loopback bus; leave out --bus, or --virtual-time",
             ));
         }
+        if args.socketcand.is_some() && (args.virtual_time || args.bus == BusKind::Loopback) {
+            return Err(Failure::usage(
+                "--socketcand: the bus of a run in virtual time lives inside one process, nobody \
+                 can join it; leave out --virtual-time (and --bus loopback), or --socketcand",
+            ));
+        }
         if let Some(path) = &args.json {
             check_parent("--json", path)?;
         }

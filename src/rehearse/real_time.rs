@@ -21,6 +21,7 @@ use crate::bus::BusChoice;
 use crate::cli::EcuChoice;
 use crate::failure::Failure;
 use crate::fault::FaultKind;
+use crate::gateway::{Buses, Gateway};
 use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
@@ -44,11 +45,35 @@ pub(super) fn run(
         .enable_all()
         .build()
         .map_err(|error| Failure::cannot_start(format!("cannot supervise processes: {error}")))?;
+    let gateway = start_gateway(plan, bus)?;
     let sentinel = start_sentinel(plan)?;
     let outcome = runtime.block_on(supervise(plan, folder, bus, &line));
     line.clear();
     let floor = Some(sentinel.stop());
-    outcome.map(|outcome| Outcome { floor, ..outcome })
+    let served = gateway.map(|gateway| {
+        let lost = "socketcand: the gateway ended before the run".to_owned();
+        gateway.finish().map_or(lost, |report| report.to_string())
+    });
+    outcome.map(|mut outcome| {
+        outcome.notes.extend(served);
+        Outcome { floor, ..outcome }
+    })
+}
+
+/// Lets others attach, where that is asked for; hosted ECUs have no bus to attach to.
+fn start_gateway(plan: &Plan<'_>, bus: &BusChoice) -> Result<Option<Gateway>, Failure> {
+    let Some(place) = plan.args.gateway() else { return Ok(None) };
+    let buses = Buses::new(bus.address().clone(), separate_ecus(plan).collect());
+    let gateway = Gateway::start(place, buses)?;
+    let address = gateway.address();
+    anstream::eprintln!("socketcand clients may attach at {address}");
+    if !address.ip().is_loopback() {
+        anstream::eprintln!(
+            "warning: whoever reaches {address} can send frames to the rig and the ECUs; there is \
+             no password"
+        );
+    }
+    Ok(Some(gateway))
 }
 
 /// Measures, beside the run, how late this machine wakes a thread that does nothing else.
