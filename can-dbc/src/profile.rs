@@ -56,8 +56,11 @@ impl Profile {
     }
 
     /// Bit rates of the bus the profile is made for.
-    pub fn timing(self) -> BusTiming {
-        BusTiming::default()
+    pub const fn timing(self) -> BusTiming {
+        match self {
+            Self::Fd => BusTiming::fd(500_000, 2_000_000),
+            Self::J1939 => BusTiming::classic(500_000),
+        }
     }
 
     /// Every message a bus of this profile carries, by identifier.

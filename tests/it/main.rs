@@ -5,8 +5,11 @@ mod bench;
 mod determinism;
 mod faults;
 mod nominal;
+#[path = "../../can-dbc/tests/it/random.rs"]
+mod random;
 mod real_time;
 mod rehearsal;
 mod repository;
+mod responses;
 mod tidy;
 mod usage;

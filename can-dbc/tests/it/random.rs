@@ -20,4 +20,9 @@ impl Random {
     pub(crate) fn below(&mut self, bound: usize) -> usize {
         (self.next() % bound as u64) as usize
     }
+
+    /// From 0 to `most`.
+    pub(crate) fn up_to(&mut self, most: u64) -> u64 {
+        self.next() % (most + 1)
+    }
 }
