@@ -21,6 +21,7 @@ use crate::bus::BusChoice;
 use crate::calibration;
 use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs};
 use crate::failure::Failure;
+use crate::gateway::Gateway;
 use crate::process;
 use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
@@ -57,9 +58,10 @@ pub fn run(args: &RehearseArgs) -> Result<Verdict, Failure> {
         plan.conclude(&folder, &bus, || virtual_time::run(&plan, &folder))
     } else {
         let bus = BusChoice::for_run(args.bus, &args.place, plan.trucks())?;
+        let gateway = real_time::start_gateway(&plan, &bus)?;
         let folder = RunFolder::create(args.out.as_deref(), &args.scenario)?;
-        plan.announce(&bus);
-        plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus))
+        plan.announce(&bus, gateway.as_ref());
+        plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus, gateway))
     }
 }
 
@@ -118,8 +120,8 @@ impl<'a> Plan<'a> {
         self.scenario.platoon.trucks
     }
 
-    /// Says loudly which bus it is and why.
-    fn announce(&self, bus: &BusChoice) {
+    /// Says loudly which bus it is and why, and who may attach.
+    fn announce(&self, bus: &BusChoice, gateway: Option<&Gateway>) {
         anstream::eprintln!(
             "{}: {} trucks at {} Hz, {:.0} s, on bus {} ({})",
             self.scenario.name,
@@ -129,6 +131,14 @@ impl<'a> Plan<'a> {
             bus.backend(),
             bus.reason
         );
+        let Some(address) = gateway.map(Gateway::address) else { return };
+        anstream::eprintln!("socketcand clients may attach at {address}");
+        if !address.ip().is_loopback() {
+            anstream::eprintln!(
+                "warning: whoever reaches {address} can send frames to the rig and the ECUs; there \
+                 is no password"
+            );
+        }
     }
 
     /// Runs, merges the recordings, judges, and writes and prints the summary.

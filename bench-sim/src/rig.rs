@@ -191,7 +191,7 @@ impl Rig {
         self.nodes.iter().enumerate().filter(move |(_, n)| !ready(&n.ecu_mode)).map(|(t, _)| t)
     }
 
-    /// Whether every ECU has said that it ended, and every frame sent has come back where it should.
+    /// Whether every ECU has said that it ended, and no echo is still to come.
     fn is_silent(&self) -> bool {
         self.nodes.iter().all(|node| node.ecu_mode == Some(EcuMode::Ended) && !node.is_waiting())
     }

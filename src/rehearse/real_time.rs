@@ -39,13 +39,13 @@ pub(super) fn run(
     plan: &Plan<'_>,
     folder: &RunFolder,
     bus: &BusChoice,
+    gateway: Option<Gateway>,
 ) -> Result<Outcome, Failure> {
     let line = ProgressLine::new(plan.scenario.duration_s);
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(|error| Failure::cannot_start(format!("cannot supervise processes: {error}")))?;
-    let gateway = start_gateway(plan, bus)?;
     let sentinel = start_sentinel(plan)?;
     let outcome = runtime.block_on(supervise(plan, folder, bus, &line));
     line.clear();
@@ -61,19 +61,13 @@ pub(super) fn run(
 }
 
 /// Lets others attach, where that is asked for; hosted ECUs have no bus to attach to.
-fn start_gateway(plan: &Plan<'_>, bus: &BusChoice) -> Result<Option<Gateway>, Failure> {
+///
+/// # Errors
+/// When its port cannot be had.
+pub(super) fn start_gateway(plan: &Plan<'_>, bus: &BusChoice) -> Result<Option<Gateway>, Failure> {
     let Some(place) = plan.args.gateway() else { return Ok(None) };
     let buses = Buses::new(bus.address().clone(), separate_ecus(plan).collect());
-    let gateway = Gateway::start(place, buses)?;
-    let address = gateway.address();
-    anstream::eprintln!("socketcand clients may attach at {address}");
-    if !address.ip().is_loopback() {
-        anstream::eprintln!(
-            "warning: whoever reaches {address} can send frames to the rig and the ECUs; there is \
-             no password"
-        );
-    }
-    Ok(Some(gateway))
+    Gateway::start(place, buses).map(Some)
 }
 
 /// Measures, beside the run, how late this machine wakes a thread that does nothing else.

@@ -4,6 +4,7 @@ mod architecture;
 mod bench;
 mod determinism;
 mod faults;
+mod gateway;
 mod nominal;
 #[path = "../../can-dbc/tests/it/random.rs"]
 mod random;

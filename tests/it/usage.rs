@@ -10,7 +10,7 @@ use crate::bench::{self, Run};
 /// Arguments, exit code, and what the first line on standard error must name.
 type Refusal = (&'static [&'static str], i32, &'static [&'static str]);
 
-const REFUSED: [Refusal; 33] = [
+const REFUSED: [Refusal; 37] = [
     // The scenario.
     (&["nosuch"], 2, &["\"nosuch\"", "obstacle-avoidance", "TOML"]),
     (&["/dev"], 2, &["/dev", "folder"]),
@@ -49,6 +49,11 @@ const REFUSED: [Refusal; 33] = [
     // The bus.
     (&["--virtual-time", "--bus", "udp"], 2, &["--virtual-time", "--bus"]),
     (&["--bus", "socketcan", "--interfaces", "nosuch"], 2, &["--interfaces", "1", "4"]),
+    // The gateway.
+    (&["--socketcand", "70000"], 2, &["--socketcand", "70000"]),
+    (&["--socketcand", "29536", "--virtual-time"], 2, &["--socketcand", "--virtual-time"]),
+    (&["--socketcand-beacon"], 2, &["required"]),
+    (&["--bus", "udp", "--socketcand", "203.0.113.9:1"], 3, &["203.0.113.9:1", "this machine"]),
     // Its other words.
     (&["--solver", "magic"], 2, &["--solver", "magic"]),
     (&["--json", "nosuch/summary.json"], 2, &["--json nosuch/summary.json", "folder"]),
