@@ -204,7 +204,8 @@ impl Contract {
                 false => FieldKind::IntegerReading(signal.integer_type()),
             });
         }
-        if !signal.values.is_empty() {
+        // A single row names one special value of a number.
+        if signal.values.len() > 1 {
             // `Kind_0` alone would be too common a name for a public type.
             let name =
                 if signal.page.is_some() { format!("{message}{base}") } else { base.to_owned() };

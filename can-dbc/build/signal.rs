@@ -31,7 +31,7 @@ pub(crate) struct Signal {
     pub(crate) spn: Option<u32>,
     pub(crate) values: Vec<(i64, String)>,
     pub(crate) codes: Option<Codes>,
-    /// The value table has other rows than codes for no value.
+    /// The value table has rows that are no codes for no value.
     pub(crate) is_described: bool,
     pub(crate) page: Option<u64>,
     pub(crate) is_multiplexor: bool,

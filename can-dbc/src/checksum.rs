@@ -85,7 +85,7 @@ mod tests {
         for data in patterns() {
             for bit in 0..60 + 29 {
                 let (changed, id) = flipped(data, bit);
-                if bit < 56 || bit >= 60 {
+                if !(56..60).contains(&bit) {
                     assert_ne!(crc8(&changed, id), crc8(&data, ID), "{data:02X?} bit {bit}");
                 }
                 assert_ne!(xbr(&changed, id), xbr(&data, ID), "{data:02X?} bit {bit}");

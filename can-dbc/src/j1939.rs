@@ -19,3 +19,6 @@ include!(concat!(env!("OUT_DIR"), "/j1939.rs"));
 
 /// The text of `j1939.dbc`, to be attached to recordings and handed to other tools.
 pub const DBC: &str = include_str!("../j1939.dbc");
+
+#[cfg(test)]
+mod tests;

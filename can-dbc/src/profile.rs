@@ -128,6 +128,7 @@ impl Default for Vehicle {
 pub struct Encoder(Encoding);
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(clippy::large_enum_variant, reason = "it is plain data that is never moved about")]
 enum Encoding {
     Fd(fd::Encoder),
     J1939(j1939::Encoder),

@@ -1,26 +1,36 @@
-"""Holds our codec against cantools: the same bytes both ways, for 10,000 random messages.
+"""Holds our codec against cantools: the same bytes both ways, for random messages of every type.
 
     python tests/interop/cantools_codec.py target/debug/examples/codec_vectors [COUNT] [SEED]
 
-Exits 1 at the first mismatch, and says which message with which values.
+COUNT messages of each type of platoon.dbc and of j1939.dbc, error and not-available codes among
+them. Exits 1 at the first mismatch, and says which message with which values.
 """
 
 import logging
 import pathlib
 import random
+import re
 import subprocess
 import sys
 import warnings
 
 import cantools
 
-from e2e_profile5 import crc16, protected
+import e2e_profile5
+import j1939_checksums
 
-DBC = pathlib.Path(__file__).resolve().parents[2] / "can-dbc" / "platoon.dbc"
+FOLDER = pathlib.Path(__file__).resolve().parents[2] / "can-dbc"
+CHECKSUMS = ("E2eCrc", "MessageChecksum")
+COUNTERS = ("E2eCounter", "MessageCounter")
+# Our names end in these, by unit.
+SUFFIXES = {
+    None: "", "m": "_m", "m/s": "_mps", "m/s2": "_mps2", "rad": "_rad", "rad/s": "_radps", "N": "_n",
+    "s": "_s", "ns": "_ns", "%": "_percent", "km/h": "_kmph", "rpm": "_rpm",
+}  # fmt: skip
 
 
 def load(path):
-    """Loads the DBC; anything cantools grumbles about is a failure."""
+    """Loads a DBC; anything cantools grumbles about is a failure."""
     grumbles = []
     handler = logging.Handler()
     handler.emit = lambda record: grumbles.append(record.getMessage())
@@ -32,39 +42,82 @@ def load(path):
     return database
 
 
+def is_j1939(message):
+    return message.protocol == "j1939"
+
+
+def codes(signal):
+    """Raw values that stand for no value, by our word for them."""
+    choices = signal.choices or {}
+    words = {"error": "error", "not available": "not_available"}
+    return {words[str(text)]: raw for raw, text in choices.items() if str(text) in words}
+
+
+def is_described(signal):
+    """Whether every raw value in use has a name."""
+    return len(signal.choices or {}) > max(1, len(codes(signal)))
+
+
+def meaning(signal, raw):
+    """What J1939 says of a raw value: None, or our word for the code it is."""
+    if "not_available" not in codes(signal):
+        return None
+    whole = signal.length % 8 == 0
+    step = 1 << (signal.length - 8) if whole else 1
+    end = 1 << signal.length
+    if raw >= end - step:
+        return "not_available"
+    scaled = raw * signal.conversion.scale + signal.conversion.offset
+    in_error = raw == codes(signal).get("error") or scaled > signal.maximum + 1e-9
+    return "error" if in_error else None
+
+
 def random_value(signal, dice):
-    """On the grid, off the grid, exactly between two steps, or at a limit."""
-    if signal.choices:
+    """A code, on the grid, off the grid, exactly between two steps, or at a limit."""
+    if is_described(signal):
         return dice.choice(list(signal.choices))
-    scale = signal.conversion.scale
-    low, high = round(signal.minimum / scale), round(signal.maximum / scale)
-    raw = dice.choice([low, high, 0]) if dice.random() < 0.1 else dice.randint(low, high)
-    raw = min(max(raw, low), high)
-    if scale == 1:
+    if codes(signal) and dice.random() < 0.2:
+        return dice.choice(list(codes(signal)))
+    scale, offset = signal.conversion.scale, signal.conversion.offset
+    low = round((signal.minimum - offset) / scale)
+    high = round((signal.maximum - offset) / scale)
+    raw = dice.choice([low, high]) if dice.random() < 0.1 else dice.randint(low, high)
+    if scale == 1 and offset == 0:
         return raw
     kind = dice.random()
     if kind < 0.4:
-        value = raw * scale
+        value = raw * scale + offset
     elif kind < 0.5:
-        value = (raw + 0.5) * scale
+        value = (raw + 0.5) * scale + offset
     else:
         value = dice.uniform(signal.minimum, signal.maximum)
     return min(max(value, signal.minimum), signal.maximum)
 
 
-def random_message(database, dice):
-    message = dice.choice(database.messages)
+def random_signals(message, dice):
     page = None
     signals = {}
     for signal in message.signals:
-        if signal.name.startswith("E2e"):
+        if signal.name in CHECKSUMS:
             continue
         if signal.is_multiplexer:
             page = dice.randint(int(signal.minimum), int(signal.maximum))
             signals[signal.name] = page
         elif signal.multiplexer_ids is None or page in signal.multiplexer_ids:
             signals[signal.name] = random_value(signal, dice)
-    return message, signals
+    return signals
+
+
+def expected_bytes(message, signals):
+    """What cantools makes of it, with the checksum of the published formula."""
+    raw = {
+        name: str(value).replace("_", " ") if isinstance(value, str) else value
+        for name, value in signals.items()
+    }
+    if is_j1939(message):
+        return j1939_checksums.protected(message, raw)
+    counter = raw.pop("E2eCounter")
+    return e2e_profile5.protected(message, raw, counter)
 
 
 def ask(binary, questions):
@@ -78,14 +131,17 @@ def ask(binary, questions):
 
 
 def check_encoding(binary, cases):
-    def line(message, signals, counter):
-        values = " ".join(f"{name}={value!r}" for name, value in signals.items())
-        return f"encode {message.name} {counter} {values}"
+    def line(message, signals):
+        values = (
+            f"{name}={value if isinstance(value, str) else repr(value)}"
+            for name, value in signals.items()
+        )
+        return f"encode {message.name} {' '.join(values)}"
 
     answers = ask(binary, [line(*case) for case in cases])
     frames = []
-    for (message, signals, counter), answer in zip(cases, answers):
-        expected = protected(message, signals, counter)
+    for (message, signals), answer in zip(cases, answers):
+        expected = expected_bytes(message, signals)
         if answer != f"{message.frame_id:08X} {expected.hex().upper()}":
             sys.exit(
                 f"{message.name} {signals}\n  ours:     {answer}\n  cantools: {expected.hex()}"
@@ -94,47 +150,111 @@ def check_encoding(binary, cases):
     return frames
 
 
+def field_name(signal, page):
+    """Our field for a signal: PositionX_3 of page 3 is position_x_m."""
+    base = signal.name.removesuffix(f"_{page}") if signal.multiplexer_ids else signal.name
+    snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", base).lower()
+    return snake + SUFFIXES[signal.unit]
+
+
+def field_text(signal, raw, value):
+    """How Rust prints a field of this value."""
+    word = meaning(signal, raw)
+    if is_described(signal):
+        words = re.split(r"[ _-]", str(signal.choices[raw]))
+        return "".join(word[:1].upper() + word[1:] for word in words)
+    if codes(signal):
+        return {"error": "Error", "not_available": "NotAvailable"}.get(word) or f"Value({value})"
+    return str(value)
+
+
+def same(ours, expected):
+    """Equal as text or as numbers: 1e-05 is 0.00001."""
+    number = re.compile(r"(Value\()?([-+0-9.e]+)\)?")
+    both = [number.fullmatch(text) for text in (ours, expected)]
+    if not all(both):
+        return ours == expected
+    return both[0][1] == both[1][1] and float(both[0][2]) == float(both[1][2])
+
+
+def check_frame(message, data, answer):
+    """Signals as cantools decodes them, and each in its field of our struct."""
+    listed, _, fields = answer.partition(" | ")
+    name, *values = listed.split(" ")
+    ours = dict(value.split("=") for value in values)
+    theirs = message.decode(data, decode_choices=False)
+    raws = message.decode(data, decode_choices=False, scaling=False)
+    page = next((raws[s.name] for s in message.signals if s.is_multiplexer), None)
+    if name != message.name or set(ours) != set(theirs):
+        return f"ours {answer}"
+    fields = dict(re.findall(r"(\w+): (Value\([^)]*\)|[^ ,}]+)", fields))
+    for signal in (s for s in message.signals if s.name in theirs):
+        value, raw = theirs[signal.name], raws[signal.name]
+        expected = meaning(signal, raw)
+        if ours[signal.name] != expected and (expected or float(ours[signal.name]) != value):
+            return f"{signal.name}: ours {ours[signal.name]}, cantools {expected or value}"
+        if signal.name in CHECKSUMS + COUNTERS:
+            continue
+        if signal.is_multiplexer:
+            field = signal.name.removeprefix(message.name).lower()
+        else:
+            field = field_name(signal, page)
+        if not same(fields.pop(field, "missing"), field_text(signal, raw, value)):
+            return f"field {field} of {answer}, cantools {value}"
+    return f"fields {fields} of no signal" if fields else None
+
+
 def check_decoding(binary, frames):
     answers = ask(
         binary, [f"decode {message.frame_id:08X} {data.hex()}" for message, data in frames]
     )
     for (message, data), answer in zip(frames, answers):
-        name, counter, *values = answer.split(" ")
-        if name != message.name:
-            sys.exit(f"{message.name} {data.hex()}: {answer}")
-        ours = {signal: float(value) for signal, value in (v.split("=") for v in values)}
-        theirs = message.decode(data, decode_choices=False)
-        if ours != theirs or int(counter) != theirs["E2eCounter"]:
-            sys.exit(f"{message.name} {data.hex()}\n  ours:     {ours}\n  cantools: {theirs}")
+        fault = check_frame(message, data, answer)
+        if fault:
+            sys.exit(f"{message.name} {data.hex()}: {fault}")
 
 
-def check_refusals(binary, database):
-    """Out of range by one step, no number, damaged: refused, never clipped."""
-    force = "encode Actuation 0 AnswersTick=1 Steering=0 ActuationStatus=0 Force="
-    good = protected(
-        database.get_message_by_name("Actuation"),
-        {"AnswersTick": 1, "Force": 0, "Steering": 0, "ActuationStatus": 0},
-        0,
-    )
-    damaged = good[:5] + bytes([good[5] ^ 1]) + good[6:]
-    questions = [force + "838860.8", force + "NaN", force + "inf", f"decode 18FF112A {damaged.hex()}"]
+def check_refusals(binary, fd, j1939):
+    """Out of range by one step, no number, damaged, of no meaning: refused, never clipped."""
+    force = "encode Actuation AnswersTick=1 Steering=0 ActuationStatus=0 Force="
+    actuation = {"E2eCounter": 0, "AnswersTick": 1, "Force": 0, "Steering": 0, "ActuationStatus": 0}
+    brake = {"AccelerationDemand": -1.0, "EnduranceBrakeMode": 0, "XbrPriority": 3}
+    brake |= {"XbrControlMode": 2, "Urgency": "error", "MessageCounter": 9}
+    questions = [force + "838860.8", force + "NaN", force + "inf", force + "not_available"]
+    questions += ["encode XBR AccelerationDemand=16", "encode TSC1 MessageCounter=8"]
+    questions += ["encode TSC1 RequestedTorqueFraction=error"]
+    for database, name, signals in ((fd, "Actuation", actuation), (j1939, "XBR", brake)):
+        message = database.get_message_by_name(name)
+        good = expected_bytes(message, signals)
+        for damaged in (good[:5] + bytes([good[5] ^ 1]) + good[6:], good[:-1]):
+            questions.append(f"decode {message.frame_id:08X} {damaged.hex()}")
     for question, answer in zip(questions, ask(binary, questions)):
         if not answer.startswith("refused "):
             sys.exit(f"{question}\n  ours: {answer}, expected a refusal")
+
+
+def check_own_checksums():
+    if e2e_profile5.crc16(bytes(6) + (0x1234).to_bytes(2, "little")) != 0xCA1C:
+        sys.exit("the CRC of this script does not give the specification's example")
+    if j1939_checksums.crc8(b"123456789") != 0x4B:
+        sys.exit("the CRC-8 of this script does not give its catalogue's check value")
 
 
 def main():
     binary = sys.argv[1]
     count = int(sys.argv[2]) if len(sys.argv) > 2 else 10_000
     dice = random.Random(int(sys.argv[3]) if len(sys.argv) > 3 else 20261122)
-    if crc16(bytes(6) + (0x1234).to_bytes(2, "little")) != 0xCA1C:
-        sys.exit("the CRC of this script does not give the specification's example")
-    database = load(DBC)
-    cases = [(*random_message(database, dice), dice.randrange(256)) for _ in range(count)]
-    frames = check_encoding(binary, cases)
-    check_decoding(binary, frames)
-    check_refusals(binary, database)
-    print(f"{count} messages: the same bytes as cantools {cantools.__version__}, both ways")
+    check_own_checksums()
+    fd, j1939 = load(FOLDER / "platoon.dbc"), load(FOLDER / "j1939.dbc")
+    messages = fd.messages + j1939.messages
+    for message in messages:
+        cases = [(message, random_signals(message, dice)) for _ in range(count)]
+        check_decoding(binary, check_encoding(binary, cases))
+    check_refusals(binary, fd, j1939)
+    print(
+        f"{count} messages of each of {len(messages)} types: the same bytes as cantools "
+        f"{cantools.__version__}, both ways"
+    )
 
 
 if __name__ == "__main__":

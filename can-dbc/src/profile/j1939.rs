@@ -21,10 +21,13 @@
 //! The forward speed is that of CCVS1 at its instant, and between its frames the integral of the
 //! acceleration of VDC2 from there: see [`speed`].
 
+mod batch;
 mod decoder;
 mod encoder;
+mod feedback;
 mod flight;
 mod force;
+mod parts;
 mod rate;
 mod speed;
 #[cfg(test)]
@@ -36,7 +39,6 @@ pub(crate) use encoder::Encoder;
 /// Source address of the controller.
 const ECU_ADDRESS: u8 = 0x2A;
 const NS_PER_S: f64 = 1e9;
-const KMPH_PER_MPS: f64 = 3.6;
 /// `Obstacle::member` of what is no platoon truck.
 const NO_MEMBER: u8 = 255;
 /// What `SteerCommand` tells of the counter of XBR.

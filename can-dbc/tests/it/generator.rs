@@ -46,9 +46,55 @@ BA_DEF_DEF_ "E2EDataId" 5;
 BA_DEF_DEF_ "GenSigStartValue" 0;
 "#;
 
-fn refusal(from: &str, to: &str) -> String {
-    assert!(GOOD.contains(from), "{from}");
-    match Contract::read(&GOOD.replace(from, to), None) {
+/// A parameter group with a value that may be missing, and one on Proprietary B.
+const GOOD_J1939: &str = r#"VERSION ""
+
+NS_ :
+
+BS_:
+
+BU_: Rig Ecu
+
+BO_ 2566845184 SPEED: 8 Rig
+ SG_ ParkingBrake : 2|2@1+ (1,0) [0|3] "" Ecu
+ SG_ WheelSpeed : 8|16@1+ (0.00390625,0) [0|250.99609375] "km/h" Ecu
+
+BO_ 2566856832 Order: 8 Rig
+ SG_ Turn : 8|8@1+ (1,0) [0|253] "" Ecu
+ SG_ MessageCounter : 56|4@1+ (1,0) [0|15] "" Ecu
+ SG_ MessageChecksum : 60|4@1+ (1,0) [0|15] "" Ecu
+
+CM_ BO_ 2566845184 "A group.";
+CM_ SG_ 2566845184 ParkingBrake "Brake.";
+CM_ SG_ 2566845184 WheelSpeed "Speed.";
+CM_ BO_ 2566856832 "An order.";
+CM_ SG_ 2566856832 Turn "Turn.";
+CM_ SG_ 2566856832 MessageCounter "Counter.";
+CM_ SG_ 2566856832 MessageChecksum "Checksum.";
+BA_DEF_ BO_ "VFrameFormat" INT 0 15;
+BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;
+BA_DEF_ BO_ "Protection" ENUM "none","TSC1","XBR","CRC8";
+BA_DEF_ SG_ "SPN" INT 0 524287;
+BA_DEF_ SG_ "GenSigStartValue" INT 0 65535;
+BA_DEF_DEF_ "VFrameFormat" 3;
+BA_DEF_DEF_ "GenMsgCycleTime" 100;
+BA_DEF_DEF_ "Protection" "none";
+BA_DEF_DEF_ "SPN" 0;
+BA_DEF_DEF_ "GenSigStartValue" 0;
+BA_ "Protection" BO_ 2566856832 2;
+BA_ "SPN" SG_ 2566845184 ParkingBrake 70;
+BA_ "SPN" SG_ 2566845184 WheelSpeed 84;
+BA_ "GenSigStartValue" SG_ 2566845184 ParkingBrake 3;
+BA_ "GenSigStartValue" SG_ 2566845184 WheelSpeed 65535;
+BA_ "GenSigStartValue" SG_ 2566856832 Turn 255;
+VAL_ 2566845184 ParkingBrake 0 "not set" 1 "set" 2 "error" 3 "not available" ;
+VAL_ 2566845184 WheelSpeed 65024 "error" 65535 "not available" ;
+VAL_ 2566856832 Turn 255 "not available" ;
+"#;
+
+fn refusal(good: &str, from: &str, to: &str) -> String {
+    assert!(good.contains(from), "{from}");
+    match Contract::read(&good.replace(from, to), None) {
         Ok(_) => panic!("accepted with {to}"),
         Err(refusal) => refusal,
     }
@@ -91,9 +137,64 @@ fn each_fault_is_refused_with_its_place() {
         ("CM_ SG_ 2566852736 DemoPage \"Page.\";", "", "DemoPage: it has no CM_"),
         ("\"GenSigStartValue\" 0;", "\"GenSigStartValue\" 7;", "start value 7 is out of range"),
     ] {
-        let refusal = refusal(from, to);
+        let refusal = refusal(GOOD, from, to);
         assert!(refusal.contains(expected), "{to}: {refusal}");
     }
+}
+
+#[test]
+fn a_good_j1939_dbc_is_understood() {
+    let contract = Contract::read(GOOD_J1939, None).expect("good");
+    let code = emit::code(&contract);
+    for line in [
+        "pub struct Speed {",
+        "pub parking_brake: ParkingBrake,",
+        "pub wheel_speed_kmph: Reading<f64>,",
+        "pub turn: Reading<u8>,",
+        "pub const COUNTER_MAX: u8 = 15;",
+        "pub fn encode(&self) -> Result<Frame, EncodeError> {",
+        "pub fn encode(&self, counter: u8) -> Result<Frame, EncodeError> {",
+        "protection: Protection::Xbr, counter: Some(1)",
+        "spn: Some(84)",
+    ] {
+        assert!(code.contains(line), "{line}");
+    }
+    let codes = contract.messages[0].signals[1].codes.as_ref().expect("has codes");
+    let found = (codes.error, codes.not_available_from, codes.not_available);
+    assert_eq!(found, (Some(0xFE00), 0xFF00, 0xFFFF));
+}
+
+#[test]
+fn each_fault_of_a_j1939_dbc_is_refused_with_its_place() {
+    for (from, to, expected) in [
+        ("SPEED: 8", "SPEED: 7", "message SPEED: 7 bytes; a parameter group here has 8"),
+        ("\"SPN\" SG_ 2566845184 WheelSpeed 84", "\"SPN\" SG_ 2566845184 WheelSpeed 0", "no SPN"),
+        ("65535 \"not", "65280 \"not", "WheelSpeed: \"not available\" must be 65535"),
+        ("65024 \"error", "64000 \"error", "\"error\" 65024"),
+        ("[0|250.99609375]", "[0|255]", "values below both"),
+        ("WheelSpeed 65535;", "WheelSpeed 0;", "start value must be 65535, not available"),
+        ("16@1+ (0.00390625,0) [0|250.99609375]", "16@1- (0.00390625,0) [0|120]", "unsigned"),
+        ("\"Protection\" BO_ 2566856832 2", "\"Protection\" BO_ 2566856832 0", "MessageChecksum"),
+        ("MessageCounter : 56|4", "MessageCounter : 48|4", "MessageCounter must be at 56|4"),
+        ("MessageChecksum : 60|4", "MessageChecksum : 60|3", "MessageChecksum must be at 60|4"),
+        ("56|4@1+ (1,0) [0|15]", "56|4@1+ (1,0) [1|15]", "count from 0"),
+        ("\"VFrameFormat\" 3", "\"VFrameFormat\" 1", "J1939PG (3)"),
+    ] {
+        let refusal = refusal(GOOD_J1939, from, to);
+        assert!(refusal.contains(expected), "{to}: {refusal}");
+    }
+}
+
+#[test]
+fn what_two_contracts_share_must_be_the_same_and_no_identifier_may_be() {
+    let elder = Contract::read(GOOD_J1939, None).expect("good");
+    let refused = |text: &str| Contract::read(text, Some(&elder)).map(|_| ()).expect_err("twins");
+    assert!(refused(GOOD_J1939).contains("message SPEED: its id is taken"));
+    let moved = GOOD_J1939.replace("2566845184", "2566845185").replace("2566856832", "2566856833");
+    let younger = Contract::read(&moved, Some(&elder)).expect("the same value tables");
+    assert!(emit::code(&younger).contains("pub use crate::messages::{ParkingBrake};"));
+    let other = moved.replace("1 \"set\"", "1 \"applied\"");
+    assert!(refused(&other).contains("value table ParkingBrake differs"));
 }
 
 #[test]
@@ -103,4 +204,6 @@ fn names_follow_the_house_style() {
     assert_eq!(names::variant("held previous plan").as_deref(), Some("HeldPreviousPlan"));
     assert_eq!(names::variant("3rd"), None);
     assert_eq!(names::unit_suffix("rad/s"), Some("_radps"));
+    assert_eq!(names::unit_suffix("km/h"), Some("_kmph"));
+    assert_eq!(["TSC1", "XBR", "NavTime"].map(names::type_name), ["Tsc1", "Xbr", "NavTime"]);
 }

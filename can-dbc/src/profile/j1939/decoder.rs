@@ -1,11 +1,13 @@
 //! Frames to messages: supervision, and parts until they are whole.
 
-use super::flight::{
-    Flight, MissionParts, NavParts, ObstacleParts, StatusParts, V2vOutParts, V2vParts, nanoseconds,
-};
+use super::feedback::heard_speed_mps;
+use super::flight::Flight;
 use super::force::commanded_n;
+use super::parts::{
+    MissionParts, NavParts, ObstacleParts, StatusParts, V2vOutParts, V2vParts, nanoseconds,
+};
 use super::speed::SpeedEstimate;
-use super::{BRAKE_COUNTER_MASK, KMPH_PER_MPS, bytes};
+use super::{BRAKE_COUNTER_MASK, bytes};
 use crate::checksum::{command_digest, motion_digest};
 use crate::e2e::{Continuity, Supervisor};
 use crate::frame::Frame;
@@ -123,8 +125,8 @@ impl Decoder {
 
     /// A speed of CCVS1 belongs to the navigation solution completed next.
     fn hear_speed(&mut self, vehicle: &Ccvs1) -> Option<Message> {
-        if let Some(speed_kmph) = vehicle.wheel_based_speed_kmph.value() {
-            self.speed.hear(speed_kmph / KMPH_PER_MPS);
+        if let Some(speed_mps) = heard_speed_mps(vehicle) {
+            self.speed.hear(speed_mps);
         }
         None
     }
