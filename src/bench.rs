@@ -81,9 +81,11 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
     let rate_hz = args.run.rate_hz()?;
     let trucks = scenario.platoon.trucks;
-    if let Some(truck) = args.host.iter().find(|truck| usize::from(**truck) >= trucks) {
+    let driven = |truck: usize| truck < trucks && scenario.has_ecu(truck);
+    if let Some(truck) = args.host.iter().find(|truck| !driven(usize::from(**truck))) {
+        let first = usize::from(!scenario.has_ecu(0));
         return Err(Failure::usage(format!(
-            "--host {truck}: the scenario has trucks 0 to {}",
+            "--host {truck}: ECUs drive trucks {first} to {} of the scenario",
             trucks - 1
         )));
     }

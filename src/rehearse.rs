@@ -87,22 +87,20 @@ impl<'a> Plan<'a> {
         let calibration = args.law_options.applied_to(calibration);
         let rate_hz = args.run.rate_hz()?;
         let plan = Self { args, scenario, calibration, rate_hz };
-        let trucks = plan.trucks();
-        let known = |truck: u8| usize::from(truck) < trucks;
+        let first = usize::from(!plan.scenario.has_ecu(0));
+        let allowed = format!("ECUs drive trucks {first} to {} of it", plan.trucks() - 1);
+        let known = |truck: u8| plan.ecus().any(|ecu| ecu == truck);
         if let EcuChoice::One(truck) = args.ecu
             && !known(truck)
         {
-            return Err(Failure::usage(format!(
-                "--ecu {truck}: the scenario has trucks 0 to {}",
-                trucks - 1
-            )));
+            let name = &plan.scenario.name;
+            return Err(Failure::usage(format!("--ecu {truck}: scenario {name}: {allowed}")));
         }
         match args.fault.iter().find(|fault| !known(fault.truck)) {
-            Some(fault) => Err(Failure::usage(format!(
-                "--fault truck={}: the scenario has trucks 0 to {}",
-                fault.truck,
-                trucks - 1
-            ))),
+            Some(fault) => {
+                let (truck, name) = (fault.truck, &plan.scenario.name);
+                Err(Failure::usage(format!("--fault truck={truck}: scenario {name}: {allowed}")))
+            }
             None => Ok(plan),
         }
     }
@@ -118,6 +116,11 @@ impl<'a> Plan<'a> {
 
     fn trucks(&self) -> usize {
         self.scenario.platoon.trucks
+    }
+
+    /// Trucks that an ECU drives.
+    fn ecus(&self) -> impl Iterator<Item = u8> {
+        (0..self.trucks() as u8).filter(|&truck| self.scenario.has_ecu(usize::from(truck)))
     }
 
     /// Says loudly which bus it is and why, and who may attach.

@@ -141,7 +141,9 @@ impl Summary {
         for ecu in &run.ecus {
             notes.extend(complaints(ecu));
         }
-        let missing = run.scenario.platoon.trucks.saturating_sub(run.ecus.len());
+        let trucks = run.scenario.platoon.trucks;
+        let driven = (0..trucks).filter(|&truck| run.scenario.has_ecu(truck)).count();
+        let missing = driven.saturating_sub(run.ecus.len());
         if missing > 0 {
             notes.push(format!("{missing} ECU(s) ended without a report"));
         }

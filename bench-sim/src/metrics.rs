@@ -6,7 +6,8 @@
 //! ```
 //!
 //! - *Settled*: the last instant at which the error was outside its band; never settled when that
-//!   is the end of the run. Position: e_i. Speed: forward speed minus the set speed.
+//!   is the end of the run. Position: e_i. Speed: forward speed minus the set speed, or minus the
+//!   last speed of a scripted leader. Lateral: distance to the desired line.
 //! - *Clearance*: least distance between the truck's box and the box of an obstacle that is present
 //!   and must not be touched; negative is the depth of an overlap. *Gap*: the same to other trucks.
 //! - *Lane crossing*: the CG passes the line between the lanes and gets 0.2 m beyond it.
@@ -49,6 +50,8 @@ pub struct TruckResult {
     pub final_predecessor_error_m: f64,
     /// When e_i settled \[s\]; `None` when it never did.
     pub settled_position_s: Option<f64>,
+    /// When the lateral position settled \[s\]; `None` when it never did.
+    pub settled_lateral_s: Option<f64>,
     /// When the speed settled \[s\]; `None` when it never did.
     pub settled_speed_s: Option<f64>,
     /// Least clearance to an obstacle \[m\]; `None` when there never was one.
@@ -77,7 +80,9 @@ pub struct TruckResult {
     pub lane_crossings: u32,
     /// Furthest from its desired line once it is back from passing \[m\]; `None` when it never was.
     pub max_abs_off_centre_m: Option<f64>,
-    /// Numbers of the obstacles it passed.
+    /// Numbers of the obstacles it was behind when they appeared.
+    pub met_obstacles: Vec<usize>,
+    /// Numbers of those it passed.
     pub passed_obstacles: Vec<usize>,
     /// How often it lost its ECU's commands.
     pub lost_commands: u32,
@@ -120,6 +125,7 @@ pub(crate) struct Metrics {
     desired_y_m: f64,
     position_band_m: f64,
     speed_band_mps: f64,
+    lateral_band_m: f64,
     gauges: Vec<Gauge>,
     last_ns: u64,
 }
@@ -130,6 +136,7 @@ struct Gauge {
     result: TruckResult,
     outside_position_ns: Option<u64>,
     outside_speed_ns: Option<u64>,
+    outside_lateral_ns: Option<u64>,
     clearance_m: f64,
     gap_m: f64,
     left_of_line: Option<bool>,
@@ -144,11 +151,12 @@ impl Metrics {
     pub(crate) fn new(scenario: &Scenario) -> Self {
         Self {
             spacing_m: scenario.platoon.spacing_m,
-            set_speed_mps: scenario.platoon.speed_mps,
+            set_speed_mps: scenario.final_speed_mps(),
             lane_line_m: 0.5 * scenario.road.lane_width_m,
             desired_y_m: scenario.platoon.desired_y_m,
             position_band_m: scenario.criteria.settled_position_band_m,
             speed_band_mps: scenario.criteria.settled_speed_band_mps,
+            lateral_band_m: scenario.criteria.settled_lateral_band_m,
             gauges: (0..scenario.platoon.trucks).map(Gauge::new).collect(),
             last_ns: 0,
         }
@@ -195,6 +203,9 @@ impl Metrics {
         }
         let (beyond_m, own_m) = (state.y_m - self.lane_line_m, self.desired_y_m - self.lane_line_m);
         gauge.sample_line(seen.time_ns, beyond_m, own_m);
+        if (state.y_m - self.desired_y_m).abs() > self.lateral_band_m {
+            gauge.outside_lateral_ns = Some(seen.time_ns);
+        }
         gauge.sample_centring(seen.time_ns, state.y_m - self.desired_y_m);
         let r = &mut gauge.result;
         r.max_abs_leader_error_m = r.max_abs_leader_error_m.max(leader_m.abs());
@@ -234,6 +245,7 @@ impl Gauge {
             result,
             outside_position_ns: None,
             outside_speed_ns: None,
+            outside_lateral_ns: None,
             clearance_m: f64::INFINITY,
             gap_m: f64::INFINITY,
             left_of_line: None,
@@ -287,6 +299,7 @@ impl Gauge {
         let mut result = self.result.clone();
         result.settled_position_s = settled_s(self.outside_position_ns, end_ns);
         result.settled_speed_s = settled_s(self.outside_speed_ns, end_ns);
+        result.settled_lateral_s = settled_s(self.outside_lateral_ns, end_ns);
         result.min_obstacle_clearance_m = finite(self.clearance_m);
         result.min_truck_gap_m = finite(self.gap_m);
         if let Some((low_n, high_n)) = asked.force_n {
@@ -297,10 +310,10 @@ impl Gauge {
         result.max_force_rate_nps = asked.force_rate_nps;
         result.max_steer_rate_radps = asked.steer_rate_radps;
         result.lost_commands = lost_commands;
-        let passed = |&number: &usize| {
-            self.was_behind[number - 1] == Some(true) && self.is_ahead[number - 1]
-        };
-        result.passed_obstacles = (1..=OBSTACLES_MAX).filter(passed).collect();
+        let met = |&number: &usize| self.was_behind[number - 1] == Some(true);
+        result.met_obstacles = (1..=OBSTACLES_MAX).filter(met).collect();
+        let passed = |number: &usize| self.is_ahead[number - 1];
+        result.passed_obstacles = result.met_obstacles.iter().copied().filter(passed).collect();
         result
     }
 }

@@ -87,6 +87,7 @@ struct Due {
     obstacles_ns: u64,
     mission_ns: u64,
     truth_ns: u64,
+    leader_ns: u64,
 }
 
 /// The test bench. See the module's description.
@@ -134,7 +135,11 @@ impl Rig {
         }
         let grid = Grid::new(loop_rate_hz);
         let keeps_early = buses.iter().any(|bus| bus.echoes());
-        let node = |(truck, bus)| TruckNode::new(truck, bus, grid.tick_ns());
+        let node = |(truck, bus)| {
+            let mut node = TruckNode::new(truck, bus, grid.tick_ns());
+            node.has_ecu = scenario.has_ecu(truck);
+            node
+        };
         Ok(Self {
             trucks: (0..count).map(|truck| truck_at_start(scenario, truck)).collect(),
             commands: vec![Command::default(); count],
@@ -188,12 +193,14 @@ impl Rig {
     pub fn silent_trucks(&self) -> impl Iterator<Item = usize> {
         let ready =
             |mode: &Option<EcuMode>| matches!(mode, Some(EcuMode::Ready | EcuMode::Running));
-        self.nodes.iter().enumerate().filter(move |(_, n)| !ready(&n.ecu_mode)).map(|(t, _)| t)
+        let silent = move |node: &TruckNode| node.has_ecu && !ready(&node.ecu_mode);
+        self.nodes.iter().enumerate().filter(move |(_, node)| silent(node)).map(|(truck, _)| truck)
     }
 
     /// Whether every ECU has said that it ended, and no echo is still to come.
     fn is_silent(&self) -> bool {
-        self.nodes.iter().all(|node| node.ecu_mode == Some(EcuMode::Ended) && !node.is_waiting())
+        let over = |node: &TruckNode| !node.has_ecu || node.ecu_mode == Some(EcuMode::Ended);
+        self.nodes.iter().all(|node| over(node) && !node.is_waiting())
     }
 
     /// Tells every bus that it is this late \[ns of bench time\]: emulated ones carry their frames.

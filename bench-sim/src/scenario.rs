@@ -6,6 +6,7 @@
 //! below `law`, which is the ECU's own and passes through untouched.
 
 mod criteria;
+mod leader;
 mod limits;
 mod load;
 #[cfg(test)]
@@ -22,6 +23,7 @@ use crate::truck::{
 };
 
 pub use criteria::Criteria;
+pub use leader::{Acceleration, Course, Leader};
 pub use limits::{OBSTACLES_MAX, TRUCKS_MAX};
 pub use load::{ScenarioError, Summary};
 
@@ -38,6 +40,9 @@ pub struct Scenario {
     pub duration_s: f64,
     /// The trucks as a group.
     pub platoon: Platoon,
+    /// The leader's script, when it is not driven by an ECU.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leader: Option<Leader>,
     /// The road.
     #[serde(default)]
     pub road: Road,
@@ -217,6 +222,9 @@ pub struct TruckOverride {
 impl Scenario {
     /// What one truck is, its overrides applied.
     pub fn truck(&self, truck: usize) -> Specification {
+        if let Some(leader) = self.leader.as_ref().filter(|_| truck == 0) {
+            return Specification::Scripted(leader.phases());
+        }
         let p = self.truck_parameters(truck);
         match self.plant.model {
             Model::SingleTrack => p.into(),
@@ -255,6 +263,16 @@ impl Scenario {
             surroundings,
             ..nominal
         }
+    }
+
+    /// Whether an ECU drives this truck; a scripted leader has none.
+    pub fn has_ecu(&self, truck: usize) -> bool {
+        truck > 0 || self.leader.is_none()
+    }
+
+    /// The speed the platoon is to have in the end \[m/s\].
+    pub fn final_speed_mps(&self) -> f64 {
+        self.platoon.speed_mps + self.leader.as_ref().map_or(0.0, Leader::gain_mps)
     }
 
     /// How long it runs \[ns\] of bench time.

@@ -6,16 +6,20 @@
 //! | `two-track` | [`TwoTrack`]: four wheels, suspension, drive line, air brakes, road and wind |
 //! | `prediction` | [`Prediction`]: the linear bicycle the controller believes in, built again here |
 //!
+//! A leader may instead follow a script ([`Scripted`]) that no command moves.
+//!
 //! All take the same [`Command`] and show the same [`TruckState`]. Frames: road frame X along the
 //! road, Y to the left, heading counter-clockwise from X; body frame forward and left (ISO 8855).
 //! None shares an equation or a parameter with the control law; `docs/plant.md` has the equations,
 //! the parameters with their sources, and what each is verified against.
 
 mod prediction;
+pub mod scripted;
 mod single_track;
 pub mod two_track;
 
 pub use prediction::{Prediction, PredictionParameters};
+pub use scripted::Scripted;
 pub use single_track::{NOMINAL_MASS_KG, SingleTrack, TruckParameters};
 pub use two_track::{TwoTrack, TwoTrackParameters};
 
@@ -125,6 +129,8 @@ pub enum Specification {
     TwoTrack(TwoTrackParameters),
     /// The linear bicycle.
     Prediction(PredictionParameters),
+    /// A script instead of a plant.
+    Scripted([scripted::Phase; scripted::PHASES_MAX]),
 }
 
 impl From<TruckParameters> for Specification {
@@ -152,6 +158,7 @@ enum Model {
     SingleTrack(SingleTrack),
     TwoTrack(TwoTrack),
     Prediction(Prediction),
+    Scripted(Scripted),
 }
 
 /// One truck: its model, and what the bench sees of it.
@@ -175,6 +182,7 @@ impl Truck {
             Specification::SingleTrack(p) => Model::SingleTrack(SingleTrack::new(p, start)),
             Specification::TwoTrack(p) => Model::TwoTrack(TwoTrack::new(p, &start)),
             Specification::Prediction(p) => Model::Prediction(Prediction::new(p, start)),
+            Specification::Scripted(phases) => Model::Scripted(Scripted::new(&phases, start)),
         };
         let mut truck = Self { model, state: start, acceleration: BodyAcceleration::default() };
         truck.observe();
@@ -189,6 +197,7 @@ impl Truck {
             Model::SingleTrack(model) => model.step(command, dt_s),
             Model::TwoTrack(model) => model.step(command, dt_s),
             Model::Prediction(model) => model.step(command, dt_s),
+            Model::Scripted(model) => model.step(dt_s),
         }
         self.observe();
     }
@@ -209,6 +218,7 @@ impl Truck {
             Model::SingleTrack(model) => model.parameters().mass_kg,
             Model::TwoTrack(model) => model.parameters().mass_kg,
             Model::Prediction(model) => model.parameters().mass_kg,
+            Model::Scripted(model) => model.mass_kg(),
         }
     }
 
@@ -218,6 +228,7 @@ impl Truck {
             Model::SingleTrack(model) => model.parameters().resistance_n(forward_mps),
             Model::TwoTrack(model) => model.parameters().resistance_n(forward_mps),
             Model::Prediction(model) => model.parameters().resistance_n(forward_mps),
+            Model::Scripted(_) => 0.0,
         }
     }
 
@@ -225,7 +236,9 @@ impl Truck {
     pub fn attitude(&self) -> Attitude {
         match &self.model {
             Model::TwoTrack(model) => model.attitude(),
-            Model::SingleTrack(_) | Model::Prediction(_) => Attitude::default(),
+            Model::SingleTrack(_) | Model::Prediction(_) | Model::Scripted(_) => {
+                Attitude::default()
+            }
         }
     }
 
@@ -252,6 +265,7 @@ impl Truck {
             Model::SingleTrack(model) => (*model.state(), *model.acceleration()),
             Model::TwoTrack(model) => (model.state(), *model.acceleration()),
             Model::Prediction(model) => (*model.state(), *model.acceleration()),
+            Model::Scripted(model) => (*model.state(), *model.acceleration()),
         };
     }
 }

@@ -72,6 +72,8 @@ pub(crate) struct TruckNode {
     waiting: Waiting,
     encoder: Encoder,
     decoder: Decoder,
+    /// Whether an ECU is at the other end. A scripted truck has none, and its bus is silent.
+    pub(crate) has_ecu: bool,
     /// The command this truck obeys.
     pub(crate) watch: CommandWatch,
     /// The mode its ECU last reported.
@@ -89,6 +91,7 @@ impl TruckNode {
             bus,
             encoder: Encoder::new(profile, vehicle),
             decoder: Decoder::new(profile, vehicle),
+            has_ecu: true,
             watch: CommandWatch::new(tick_period_ns),
             ecu_mode: None,
             counts: NodeCounts::default(),
@@ -126,7 +129,8 @@ impl TruckNode {
 
     /// Counts a wake-up that integrates `span_ns` after draining.
     pub(crate) fn age(&mut self, span_ns: u64) {
-        self.counts.lost_commands += u32::from(self.watch.age(span_ns));
+        let lost = self.has_ecu && self.watch.age(span_ns);
+        self.counts.lost_commands += u32::from(lost);
     }
 
     /// Notes what the actuators do, for the profiles that publish it.
@@ -136,6 +140,9 @@ impl TruckNode {
 
     /// Puts the frames of a message on the bus.
     pub(crate) fn send(&mut self, message: &Message, tap: &mut Tap) {
+        if !self.has_ecu {
+            return;
+        }
         self.bus.set_bench_time(tap.time_ns);
         let mut encoder = self.encoder;
         let encoded =

@@ -360,9 +360,8 @@ fn last_words(folder: &RunFolder, plan: &Plan<'_>) -> String {
 }
 
 /// Trucks whose ECU is a process of its own.
-fn separate_ecus(plan: &Plan<'_>) -> impl Iterator<Item = u8> + use<> {
-    let (choice, trucks) = (plan.args.ecu, plan.trucks() as u8);
-    (0..trucks).filter(move |&truck| match choice {
+fn separate_ecus<'plan>(plan: &'plan Plan<'_>) -> impl Iterator<Item = u8> + use<'plan> {
+    plan.ecus().filter(|&truck| match plan.args.ecu {
         EcuChoice::All => true,
         EcuChoice::One(only) => truck == only,
     })
@@ -404,7 +403,7 @@ fn rig_arguments(
     words.extend(["--seed".into(), run.seed.to_string()]);
     words.extend(["--bus-timing".into(), run.bus_timing.word().into()]);
     let separate: Vec<u8> = separate_ecus(plan).collect();
-    let hosted = (0..plan.trucks() as u8).filter(|truck| !separate.contains(truck));
+    let hosted = plan.ecus().filter(|truck| !separate.contains(truck));
     words.extend(hosted.flat_map(|truck| ["--host".into(), truck.to_string()]));
     words.extend(common_arguments(plan, folder, bus, cpu));
     words

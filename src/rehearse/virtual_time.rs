@@ -33,17 +33,16 @@ pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failur
     let clock = HostClock::default();
     let (mut rig, mut ecus) = assemble(plan, folder)?;
     rig.invite();
-    for ecu in &mut ecus {
+    for ecu in ecus.iter_mut().flatten() {
         ecu.prepare(&clock);
     }
     if !rig.ready() {
         return Err(Failure::cannot_start("an ECU did not answer its invitation on loopback"));
     }
     rig.start();
-    for ecu in &mut ecus {
+    for ecu in ecus.iter_mut().flatten() {
         ecu.prepare(&clock);
     }
-    let mut ecus: Vec<Option<Ecu>> = ecus.into_iter().map(Some).collect();
     let interrupted = alternate(plan, &mut rig, &mut ecus, &clock, &stop);
     rig.end();
     let mut outcome = Outcome { interrupted, results: Some(rig.results()), ..Outcome::default() };
@@ -57,8 +56,8 @@ pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failur
     Ok(outcome)
 }
 
-/// Rig and ECUs, joined by loopback buses.
-fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Failure> {
+/// Rig and ECUs, one place per truck, joined by loopback buses.
+fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Option<Ecu>>), Failure> {
     let mut ends: Vec<Box<dyn Bus>> = Vec::new();
     let mut ecus = Vec::new();
     for truck in 0..plan.trucks() as u8 {
@@ -69,6 +68,10 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
         } else {
             Box::new(rig_end)
         });
+        if !plan.scenario.has_ecu(usize::from(truck)) {
+            ecus.push(None);
+            continue;
+        }
         let source = Source::Ecu(truck);
         let interfaces = vec![ecu_end.name().to_owned()];
         let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
@@ -79,7 +82,7 @@ fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Ecu>), Fail
             vehicle: calibration::vehicle(&plan.calibration),
             ..Config::default()
         };
-        ecus.push(Ecu::new(config, Box::new(ecu_end), law, Some(recorder)));
+        ecus.push(Some(Ecu::new(config, Box::new(ecu_end), law, Some(recorder))));
     }
     let names = process::bus_names(&ends);
     let recorder = process::recorder(folder, Source::Rig, Overflow::Wait, names)?;

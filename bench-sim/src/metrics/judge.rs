@@ -51,9 +51,11 @@ pub(crate) fn judge(limits: &Criteria, trucks: &[TruckResult]) -> Vec<Criterion>
         judged.push(Criterion::exactly("lane_crossings", f64::from(limit), value));
     }
     for number in &limits.passed_obstacles {
+        // Who was never behind it has nothing to pass.
+        let met = trucks.iter().filter(|t| t.met_obstacles.contains(number)).count();
         let passed = trucks.iter().filter(|t| t.passed_obstacles.contains(number)).count();
         let name = format!("passed_obstacle_{number}");
-        judged.push(Criterion::exactly(&name, trucks.len() as f64, passed as f64));
+        judged.push(Criterion::exactly(&name, met as f64, passed as f64));
     }
     judged
 }
@@ -105,9 +107,10 @@ fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 }
 
 fn judge_settling(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
-    let table: [(&str, Option<f64>, MaybeMeasure); 2] = [
+    let table: [(&str, Option<f64>, MaybeMeasure); 3] = [
         ("settled_position_s", limits.settled_position_s, |t| t.settled_position_s),
         ("settled_speed_s", limits.settled_speed_s, |t| t.settled_speed_s),
+        ("settled_lateral_s", limits.settled_lateral_s, |t| t.settled_lateral_s),
     ];
     for (name, limit, measure) in table {
         if let Some(limit) = limit {

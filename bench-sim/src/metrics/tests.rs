@@ -102,6 +102,7 @@ fn one_truck_that_never_settles_fails_the_platoon() {
         settled_position_s: Some(60.0),
         settled_speed_s: Some(60.0),
         lane_crossings: 2,
+        met_obstacles: vec![1],
         passed_obstacles: vec![1],
         ..TruckResult::default()
     };

@@ -41,6 +41,7 @@ impl Rig {
         if now_ns >= self.due.mission_ns {
             self.publish_mission();
         }
+        self.broadcast_scripted_leader();
         let (nodes, tap) = (&mut self.nodes, &mut self.tap);
         self.channel.deliver(now_ns, |to, message| {
             nodes[to].send(&Message::V2vState(*message), tap);
@@ -50,6 +51,29 @@ impl Rig {
             self.due.obstacles_ns = next_ns(now_ns, OBSTACLE_PERIOD_NS);
         }
         self.publish_navigation();
+    }
+
+    /// The radio of a leader that has no ECU: what its script does, every period.
+    fn broadcast_scripted_leader(&mut self) {
+        let now_ns = self.time_ns();
+        if self.scenario.leader.is_none() || now_ns < self.due.leader_ns {
+            return;
+        }
+        let period_ns = (self.scenario.v2v.period_s * 1e9) as u64;
+        let (state, accel_mps2) =
+            (self.trucks[0].state(), self.trucks[0].acceleration().forward_mps2);
+        let message = V2vState {
+            source_truck: 0,
+            sequence: (now_ns / period_ns.max(1)) as u16,
+            generation_time_ns: now_ns,
+            position_x_m: state.x_m,
+            position_y_m: state.y_m,
+            speed_mps: state.forward_mps,
+            accel_mps2,
+            intended_accel_mps2: accel_mps2,
+        };
+        self.channel.broadcast(0, now_ns, now_ns, message);
+        self.due.leader_ns = next_ns(now_ns, period_ns.max(1));
     }
 
     /// Sends every ECU its mission, whether or not it is due.

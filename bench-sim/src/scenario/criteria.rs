@@ -19,6 +19,11 @@ pub struct Criteria {
     pub settled_speed_s: Option<f64>,
     /// Half-width of the band that counts as settled \[m/s\].
     pub settled_speed_band_mps: f64,
+    /// When every truck must have settled on its desired line \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settled_lateral_s: Option<f64>,
+    /// Half-width of the band that counts as settled \[m\].
+    pub settled_lateral_band_m: f64,
     /// Least distance between a truck's box and an obstacle's \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_clearance_m: Option<f64>,
@@ -34,7 +39,7 @@ pub struct Criteria {
     /// How often every truck must have crossed the line between the lanes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lane_crossings: Option<u32>,
-    /// Numbers of the obstacles every truck must have passed.
+    /// Numbers of the obstacles that every truck behind them must have passed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub passed_obstacles: Vec<usize>,
     /// Furthest from its desired line that a CG may be, from 10 s after it came back from passing
@@ -75,6 +80,8 @@ impl Default for Criteria {
             settled_position_band_m: 0.5,
             settled_speed_s: None,
             settled_speed_band_mps: 0.2,
+            settled_lateral_s: None,
+            settled_lateral_band_m: 0.3,
             min_clearance_m: None,
             min_truck_gap_m: None,
             max_steer_rad: None,

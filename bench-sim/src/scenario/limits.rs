@@ -5,6 +5,7 @@
 use super::load::ScenarioError;
 use super::{Model, Plant, Road, Scenario};
 use crate::obstacle::LaneChange;
+use crate::truck::scripted::PHASES_MAX;
 use crate::truck::two_track::FRICTION_PATCHES_MAX;
 
 /// Most trucks of a platoon: what a recording has room for.
@@ -37,6 +38,7 @@ impl<'a> Checker<'a> {
     pub(super) fn check(&self, s: &Scenario) -> Result<(), ScenarioError> {
         self.within("duration_s", s.duration_s, 0.1, 3600.0)?;
         self.check_platoon(s)?;
+        self.check_leader(s)?;
         self.check_road(s)?;
         self.check_v2v(s)?;
         self.check_plant(s)?;
@@ -57,6 +59,23 @@ impl<'a> Checker<'a> {
         self.within("platoon.spacing_m", p.spacing_m, 8.0, 1000.0)?;
         self.within("platoon.speed_mps", p.speed_mps, 0.0, SPEED_MAX_MPS)?;
         self.within("platoon.desired_y_m", p.desired_y_m, -SIDE_MAX_M, SIDE_MAX_M)
+    }
+
+    fn check_leader(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let Some(leader) = &s.leader else { return Ok(()) };
+        let count = leader.accelerations.len();
+        if count > PHASES_MAX {
+            let allowed = format!("at most {PHASES_MAX}");
+            return Err(self.impossible("leader.accelerations", count, allowed));
+        }
+        for (index, stretch) in leader.accelerations.iter().enumerate() {
+            let key = |field: &str| format!("leader.accelerations.{}.{field}", index + 1);
+            self.within(&key("from_s"), stretch.from_s, 0.0, 3600.0)?;
+            self.within(&key("until_s"), stretch.until_s, stretch.from_s + 1e-3, 3600.0)?;
+            self.within(&key("accel_mps2"), stretch.accel_mps2, -10.0, 10.0)?;
+            self.within(&key("periods"), f64::from(stretch.periods), 1.0, 1000.0)?;
+        }
+        Ok(())
     }
 
     fn check_road(&self, s: &Scenario) -> Result<(), ScenarioError> {
@@ -195,6 +214,8 @@ impl<'a> Checker<'a> {
             ("settled_position_band_m", Some(c.settled_position_band_m), 0.0),
             ("settled_speed_s", c.settled_speed_s, 0.0),
             ("settled_speed_band_mps", Some(c.settled_speed_band_mps), 0.0),
+            ("settled_lateral_s", c.settled_lateral_s, 0.0),
+            ("settled_lateral_band_m", Some(c.settled_lateral_band_m), 0.0),
             ("min_clearance_m", c.min_clearance_m, -1e6),
             ("min_truck_gap_m", c.min_truck_gap_m, -1e6),
             ("max_steer_rad", c.max_steer_rad, 0.0),

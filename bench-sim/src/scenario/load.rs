@@ -6,9 +6,13 @@ use super::Scenario;
 use super::limits::Checker;
 
 /// The scenarios that come with the bench: name and text.
-const BUILT_IN: [(&str, &str); 2] = [
+const BUILT_IN: [(&str, &str); 6] = [
     ("obstacle-avoidance", include_str!("../../scenarios/obstacle-avoidance.toml")),
     ("hil-obstacle-avoidance", include_str!("../../scenarios/hil-obstacle-avoidance.toml")),
+    ("merging", include_str!("../../scenarios/merging.toml")),
+    ("platooning", include_str!("../../scenarios/platooning.toml")),
+    ("platooning-o", include_str!("../../scenarios/platooning-o.toml")),
+    ("platooning-z", include_str!("../../scenarios/platooning-z.toml")),
 ];
 
 /// Longest scenario file that is read \[bytes\].
