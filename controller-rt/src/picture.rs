@@ -5,9 +5,8 @@
 //! never come). `Mission` does not age: a plan holds until the next one.
 
 use law::{Ego, OBSTACLES_MAX, Observation, V2v};
-use platoon_dbc::{
-    EgoState, Frame, FrameFlags, Message, Mission, NavStatus, Obstacle, ObstacleKind, V2vState,
-};
+use platoon_dbc::{EgoState, Message, Mission, NavStatus, Obstacle, ObstacleKind, V2vState};
+use serde::{Deserialize, Serialize};
 
 use crate::guard::OwnMotion;
 
@@ -64,9 +63,11 @@ pub enum Noted {
 }
 
 /// The newest message of each kind.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
     truck: u8,
+    /// Bench time of the first navigation solution \[ns\].
+    began_ns: Option<u64>,
     mission: Option<Mission>,
     ego: Option<EgoState>,
     leader: Option<V2vState>,
@@ -80,6 +81,7 @@ impl Picture {
     pub const fn new(truck: u8) -> Self {
         Self {
             truck,
+            began_ns: None,
             mission: None,
             ego: None,
             leader: None,
@@ -110,6 +112,7 @@ impl Picture {
     pub fn note(&mut self, message: &Message) -> Noted {
         match message {
             Message::EgoState(ego) => {
+                self.began_ns.get_or_insert(ego.bench_time_ns);
                 replace(&mut self.ego, ego, |held| held.bench_time_ns < ego.bench_time_ns)
             }
             Message::V2vState(state) => self.note_v2v(state),
@@ -187,11 +190,17 @@ impl Picture {
             state.filter(|state| v2v_freshness(state, now_ns) != Freshness::Lost)
         };
         let (leader, predecessor) = (alive(self.leader), alive(self.predecessor));
+        // Nobody has been heard at the start, for a delay's time; that is no sign of a dead radio.
+        let is_early =
+            self.began_ns.is_none_or(|began_ns| now_ns.saturating_sub(began_ns) < V2V_LOST_NS);
         let platoon = Platoon {
             truck: self.truck,
             own_x_m: ego.position_x_m,
-            hears_leader: leader.is_some(),
-            predecessor_x_m: predecessor.map(|state| state.position_x_m),
+            hears_leader: leader.is_some() || is_early,
+            predecessor_x_m: match (predecessor, is_early) {
+                (None, true) => Some(f64::NEG_INFINITY),
+                (heard, _) => heard.map(|state| state.position_x_m),
+            },
         };
         Some(Observation {
             time_ns: now_ns,
@@ -206,50 +215,18 @@ impl Picture {
         })
     }
 
-    /// Writes the picture as the frames that made it; the bytes used, `None` when they do not fit.
-    ///
-    /// Decoded values go back to the very bits they came from, so nothing is lost by it.
+    /// Writes the picture; the bytes used, `None` when they do not fit.
     #[must_use]
     pub fn save(&self, out: &mut [u8]) -> Option<usize> {
-        let mut used = 0;
-        self.messages().try_for_each(|message| {
-            // What came from a frame fits one.
-            let Ok(frame) = message.encode(0) else {
-                return Some(());
-            };
-            let room = out.get_mut(used..used + 5 + frame.data().len())?;
-            room[..4].copy_from_slice(&frame.id().to_le_bytes());
-            room[4] = frame.data().len() as u8;
-            room[5..].copy_from_slice(frame.data());
-            used += room.len();
-            Some(())
-        })?;
-        Some(used)
+        postcard::to_slice(self, out).ok().map(|used| used.len())
     }
 
-    /// The picture of this truck that [`save`](Self::save) wrote; `None` when it is damaged.
+    /// The picture of this truck that [`save`](Self::save) wrote; `None` when it is damaged or
+    /// another truck's.
     #[must_use]
-    pub fn restore(truck: u8, mut bytes: &[u8]) -> Option<Self> {
-        let mut picture = Self::new(truck);
-        let flags =
-            FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::default() };
-        while let Some((id, rest)) = bytes.split_first_chunk::<4>() {
-            let (length, rest) = rest.split_first()?;
-            let (data, rest) = rest.split_at_checked(usize::from(*length))?;
-            let frame = Frame::new(u32::from_le_bytes(*id), flags, data).ok()?;
-            picture.note(&Message::decode(&frame).ok()?.0);
-            bytes = rest;
-        }
-        bytes.is_empty().then_some(picture)
-    }
-
-    fn messages(&self) -> impl Iterator<Item = Message> {
-        let states = [self.leader, self.predecessor];
-        let mission = self.mission.map(Message::Mission).into_iter();
-        mission
-            .chain(self.ego.map(Message::EgoState))
-            .chain(states.into_iter().flatten().map(Message::V2vState))
-            .chain(self.obstacles.into_iter().flatten().map(Message::Obstacle))
+    pub fn restore(truck: u8, bytes: &[u8]) -> Option<Self> {
+        let (picture, rest) = postcard::take_from_bytes::<Self>(bytes).ok()?;
+        (rest.is_empty() && picture.truck == truck).then_some(picture)
     }
 }
 
@@ -279,7 +256,7 @@ struct Platoon {
     own_x_m: f64,
     /// The leader's V2V lives.
     hears_leader: bool,
-    /// Where the predecessor is, while its V2V lives.
+    /// Where the predecessor is, while its V2V lives or has not had time to be heard.
     predecessor_x_m: Option<f64>,
 }
 

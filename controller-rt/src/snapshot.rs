@@ -11,8 +11,8 @@ use crate::picture::Picture;
 
 /// Format of the bytes; a replay refuses another.
 const VERSION: u8 = 2;
-/// Room for the picture: twelve frames of at most 64 bytes with their headers.
-const PICTURE_BYTES: usize = 1024;
+/// Room for the picture: twelve messages of at most a hundred bytes.
+const PICTURE_BYTES: usize = 1536;
 /// Room for a controller's memory.
 const CONTROLLER_BYTES: usize = 32 * 1024;
 /// Room for all.
