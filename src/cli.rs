@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
 use crate::fault::Fault;
+use crate::vcan::VcanArgs;
 
 /// Rehearses a truck-platoon hardware-in-the-loop test over CAN, on this computer.
 ///
@@ -36,6 +37,8 @@ pub enum Verb {
     Bench(BenchArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
+    /// Make this machine ready: virtual CAN interfaces, or a kernel that has CAN.
+    Vcan(VcanArgs),
 }
 
 /// Options of `rehearse`.

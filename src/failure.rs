@@ -30,6 +30,11 @@ impl Failure {
         Self { code: EXIT_CANNOT_START, line: line.to_string() }
     }
 
+    /// Another end, with an exit code of its own.
+    pub fn with_code(code: u8, line: impl fmt::Display) -> Self {
+        Self { code, line: line.to_string() }
+    }
+
     /// Its exit code.
     pub fn exit_code(&self) -> ExitCode {
         self.code.into()

@@ -25,6 +25,7 @@ mod run_folder;
 mod scenarios;
 pub mod summary;
 mod timing;
+mod vcan;
 
 use std::process::ExitCode;
 
@@ -33,6 +34,7 @@ use clap::Parser;
 use cli::{BenchArgs, Cli, ControllerArgs, Verb};
 use failure::{EXIT_FAILED, EXIT_PASSED, Failure};
 use summary::Verdict;
+use vcan::VcanArgs;
 
 pub use cli::RehearseArgs;
 
@@ -40,6 +42,7 @@ pub use cli::RehearseArgs;
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     finish(match cli.verb.unwrap_or(Verb::Rehearse(cli.rehearse)) {
+        Verb::Vcan(verb) => return vcan::run(&verb, &["vcan"]),
         Verb::Rehearse(args) => rehearse::run(&args),
         Verb::Controller(args) => controller::run(&args).map(|()| Verdict::Pass),
         Verb::Bench(args) => bench::run(&args),
@@ -55,6 +58,11 @@ pub fn controller_main() -> ExitCode {
 /// The thin command `bench-sim`: the rig and nothing else.
 pub fn bench_main() -> ExitCode {
     finish(bench::run(&alone::<BenchArgs>("bench-sim")))
+}
+
+/// The thin command `vcan-setup`: the host and nothing else.
+pub fn vcan_main() -> ExitCode {
+    vcan::run(&alone::<VcanArgs>("vcan-setup"), &[])
 }
 
 /// Parses the options of one verb as a command line of its own.

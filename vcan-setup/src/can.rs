@@ -1,14 +1,17 @@
 //! Virtual CAN interfaces: is there CAN in this kernel, and make the interfaces a rehearsal needs.
 //!
 //! An interface is touched only when it is a `vcan`; whatever else carries the name is refused.
-//! What one call creates, and only that, a later [`remove_vcan`] takes away.
+//! What one call creates, and only that, a later [`remove_vcan`] takes away; [`remove_idle`] takes
+//! away what nobody uses, whoever made it.
 
 use std::io;
+use std::time::Duration;
 
 use rustix::net::{AddressFamily, Protocol, SocketFlags, SocketType, socket_with};
 use socketcan::CanInterface;
 use socketcan::nl::Mtu;
 
+use crate::host::Lack;
 use crate::link::Link;
 use crate::realtime::{CAP_NET_ADMIN, has_capability};
 
@@ -42,6 +45,23 @@ impl CanSupport {
     #[must_use]
     pub fn is_available(self) -> bool {
         self == Self::Available
+    }
+}
+
+impl CanError {
+    /// What the machine lacks, when the remedy depends on the machine.
+    #[must_use]
+    pub fn lack(&self) -> Option<Lack> {
+        match self {
+            Self::NoCan(CanSupport::NotPermitted) => None,
+            Self::NoCan(_) | Self::NoModule { .. } => Some(Lack::Can),
+            Self::NotPermitted { .. } | Self::NotPermittedToChange { .. } => Some(Lack::NetAdmin),
+            Self::BadName(_)
+            | Self::OtherKind { .. }
+            | Self::NotFd { .. }
+            | Self::Busy { .. }
+            | Self::Netlink { .. } => None,
+        }
     }
 }
 
@@ -160,6 +180,29 @@ pub enum CanError {
         /// Name of the interface.
         name: String,
     },
+    /// The process has no CAP_NET_ADMIN, and the interface is there.
+    #[error(
+        "virtual CAN: changing or removing {name} needs CAP_NET_ADMIN; run as root \
+         (`sudo ip link delete {name}` removes it)"
+    )]
+    NotPermittedToChange {
+        /// Name of the interface.
+        name: String,
+    },
+    /// Somebody uses the interface.
+    #[error(
+        "virtual CAN: {name} carries traffic ({packets} frames within {} ms), so it stays; end the \
+         program that sends (`candump {name}` shows what), then try again",
+        watched.as_millis()
+    )]
+    Busy {
+        /// Name of the interface.
+        name: String,
+        /// Frames seen.
+        packets: u64,
+        /// How long it was watched.
+        watched: Duration,
+    },
     /// The kernel refused to create the interface although the process may.
     #[error(
         "virtual CAN: the kernel makes no vcan interface {name} ({error}); `sudo modprobe vcan` \
@@ -224,6 +267,50 @@ pub fn remove_vcan(created: &[Vcan]) -> Result<(), CanError> {
     first_error
 }
 
+/// What [`remove_idle`] did.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Removed {
+    /// Names of the interfaces it removed.
+    pub removed: Vec<String>,
+    /// Names that no interface had.
+    pub absent: Vec<String>,
+}
+
+/// Removes the `vcan` interfaces of these names unless one of them carries traffic, which is
+/// looked for during `watch`. When one name is refused, nothing is removed.
+///
+/// # Errors
+/// [`CanError`], each variant with the remedy.
+pub fn remove_idle(names: &[&str], watch: Duration) -> Result<Removed, CanError> {
+    let mut done = Removed::default();
+    let mut found = Vec::new();
+    for name in names {
+        check_name(name)?;
+        match find(name)? {
+            Some(link) => {
+                only_vcan(name, &link)?;
+                found.push((*name, link));
+            }
+            None => done.absent.push((*name).into()),
+        }
+    }
+    if !found.is_empty() {
+        std::thread::sleep(watch);
+    }
+    for (name, before) in &found {
+        let now = find(name)?.filter(|now| now.index == before.index);
+        let packets = now.map_or(0, |now| now.packets.saturating_sub(before.packets));
+        if packets > 0 {
+            return Err(CanError::Busy { name: (*name).into(), packets, watched: watch });
+        }
+    }
+    for (name, link) in found {
+        remove_one(&Vcan { name: name.into(), index: link.index })?;
+        done.removed.push(name.into());
+    }
+    Ok(done)
+}
+
 /// What an interface needs before frames can flow.
 #[derive(Debug, PartialEq, Eq)]
 enum Need {
@@ -235,14 +322,24 @@ enum Need {
 
 /// Whether `link` is a `vcan` of use to us, and what it still needs.
 fn judge(name: &str, link: &Link) -> Result<Need, CanError> {
-    let kind = link.kind.as_deref().unwrap_or("hardware");
-    if kind != "vcan" {
-        return Err(CanError::OtherKind { name: name.into(), kind: kind.into() });
-    }
+    only_vcan(name, link)?;
     match (link.is_up, link.mtu >= FD_MTU) {
         (true, true) => Ok(Need::Nothing),
         (true, false) => Err(CanError::NotFd { name: name.into(), mtu: link.mtu }),
         (false, _) => Ok(Need::Configuring),
+    }
+}
+
+/// Whether a link is a `vcan` that is fit for CAN FD, or can be made so.
+pub(crate) fn fitness(name: &str, link: &Link) -> Result<(), CanError> {
+    judge(name, link).map(|_| ())
+}
+
+/// Refuses every kind but `vcan`; no other is ever touched.
+fn only_vcan(name: &str, link: &Link) -> Result<(), CanError> {
+    match link.kind.as_deref().unwrap_or("hardware") {
+        "vcan" => Ok(()),
+        kind => Err(CanError::OtherKind { name: name.into(), kind: kind.into() }),
     }
 }
 
@@ -265,7 +362,7 @@ fn ensure_one(name: &str, done: &mut Created) -> Result<(), CanError> {
         }
         last = configure(link.index).err();
     }
-    Err(refusal(name, last))
+    Err(refusal(name, last, find(name)?.is_some()))
 }
 
 /// Creates the interface and notes it as ours.
@@ -287,10 +384,11 @@ fn configure(index: u32) -> Result<(), socketcan::Error> {
 
 /// The error for an interface that could not be made, from the last answer of the kernel.
 ///
-/// The socketcan crate hands out "no ack" for any refusal, so the reason is found by looking.
-fn refusal(name: &str, last: Option<socketcan::Error>) -> CanError {
+/// The kernel's own answers are ambiguous, so the reason is found by looking.
+fn refusal(name: &str, last: Option<socketcan::Error>, exists: bool) -> CanError {
     let name = name.into();
     match last {
+        _ if !has_capability(CAP_NET_ADMIN) && exists => CanError::NotPermittedToChange { name },
         _ if !has_capability(CAP_NET_ADMIN) => CanError::NotPermitted { name },
         Some(error) => CanError::NoModule { name, error },
         None => CanError::Netlink {
@@ -308,10 +406,19 @@ fn remove_one(vcan: &Vcan) -> Result<(), CanError> {
     if !still_ours {
         return Ok(());
     }
-    CanInterface::open_iface(vcan.index).delete().map_err(|(_, error)| {
-        let (action, name) = ("removing", vcan.name.clone());
-        CanError::Netlink { action, name, error: io::Error::other(error.to_string()) }
-    })
+    let Err((_, error)) = CanInterface::open_iface(vcan.index).delete() else {
+        return Ok(());
+    };
+    let name = vcan.name.clone();
+    match find(&name)? {
+        // Somebody else was faster.
+        found if found.as_ref().is_none_or(|link| link.index != vcan.index) => Ok(()),
+        _ if !has_capability(CAP_NET_ADMIN) => Err(CanError::NotPermittedToChange { name }),
+        _ => {
+            let error = io::Error::other(error);
+            Err(CanError::Netlink { action: "removing", name, error })
+        }
+    }
 }
 
 /// Looks an interface up, with an error that names it.
@@ -333,7 +440,7 @@ mod tests {
     use super::*;
 
     fn link(kind: Option<&str>, mtu: u32, is_up: bool) -> Link {
-        Link { index: 7, kind: kind.map(Into::into), mtu, is_up }
+        Link { index: 7, kind: kind.map(Into::into), mtu, is_up, packets: 0 }
     }
 
     #[test]
@@ -387,6 +494,17 @@ mod tests {
         let error = CanError::NoCan(CanSupport::NoAddressFamily).to_string();
         assert!(error.starts_with("virtual CAN: the kernel has no CAN"), "{error}");
         assert!(error.contains("sudo modprobe -a can can_raw"), "{error}");
+    }
+
+    #[test]
+    fn only_idle_vcan_interfaces_are_removed_by_name() {
+        let watch = Duration::ZERO;
+        let removed = remove_idle(&["no-such-link"], watch).expect("nothing to do");
+        assert_eq!((removed.removed.len(), removed.absent), (0, vec!["no-such-link".into()]));
+        let error = remove_idle(&["no-such-link", "lo"], watch).expect_err("lo is no vcan");
+        assert!(matches!(error, CanError::OtherKind { .. }), "{error}");
+        let error = remove_idle(&["a b"], watch).expect_err("no name");
+        assert!(matches!(error, CanError::BadName(_)), "{error}");
     }
 
     #[test]

@@ -3,9 +3,12 @@
 //!
 //! - [`can`] makes FD-capable `vcan` interfaces over netlink and says exactly what is missing when
 //!   it cannot.
+//! - [`check`] reports what of all that is there, and what would make it better.
 //! - [`realtime`] asks for SCHED_FIFO, locked memory and CPU affinity, and reports what the kernel
 //!   really granted; [`realtime::environment`] describes the machine for the run's metadata.
 //! - [`floor`] measures how late the bare machine wakes a thread, before a run or beside one.
+//! - [`host`] knows which command mends what on which distribution.
+//! - [`kernel`] boots a kernel that has CAN, as an ordinary process, and runs a command in it.
 //! - [`clock`] is CLOCK_MONOTONIC with absolute sleeps.
 //!
 //! The crate knows nothing of trucks, messages or control, and it refuses to touch an interface
@@ -21,8 +24,11 @@
 //! ```
 
 pub mod can;
+pub mod check;
 pub mod clock;
 pub mod floor;
+pub mod host;
+pub mod kernel;
 mod link;
 pub mod realtime;
 mod scheduler;

@@ -26,6 +26,8 @@ pub(crate) struct Link {
     pub(crate) mtu: u32,
     /// Whether the interface is up.
     pub(crate) is_up: bool,
+    /// Packets that have passed it since it was made, in both directions.
+    pub(crate) packets: u64,
 }
 
 impl Link {
@@ -58,6 +60,9 @@ impl Link {
             kind,
             mtu: attributes.get_attr_payload_as::<u32>(Ifla::Mtu).unwrap_or(0),
             is_up: message.ifi_flags().contains(Iff::UP),
+            packets: attributes
+                .get_attribute(Ifla::Stats64)
+                .map_or(0, |stats| packets(stats.rta_payload().as_ref())),
         }
     }
 }
@@ -85,6 +90,13 @@ fn query(name: &str) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
         .map_err(io::Error::other)
 }
 
+/// Received and sent packets, the first two numbers of `struct rtnl_link_stats64`
+/// (linux/if_link.h).
+fn packets(stats: &[u8]) -> u64 {
+    let numbers = stats.chunks_exact(8).take(2);
+    numbers.filter_map(|bytes| Some(u64::from_ne_bytes(*bytes.first_chunk()?))).sum()
+}
+
 /// Text of a netlink string, which the kernel pads with zeros.
 fn until_nul(bytes: &[u8]) -> String {
     let text = CStr::from_bytes_until_nul(bytes).map_or(bytes, CStr::to_bytes);
@@ -105,6 +117,13 @@ mod tests {
     #[test]
     fn an_interface_that_does_not_exist_is_not_an_error() {
         assert_eq!(Link::find("no-such-link").expect("netlink answers"), None);
+    }
+
+    #[test]
+    fn packets_of_both_directions_count_and_nothing_after_them() {
+        let stats: Vec<u8> = [3_u64, 4, 1000, 1000].iter().flat_map(|n| n.to_ne_bytes()).collect();
+        assert_eq!(packets(&stats), 7);
+        assert_eq!(packets(&[]), 0);
     }
 
     #[test]

@@ -21,7 +21,9 @@ pub use environment::{Environment, environment};
 /// Bit of CAP_NET_ADMIN in a capability mask (capabilities(7)).
 pub(crate) const CAP_NET_ADMIN: u32 = 12;
 /// Bit of CAP_IPC_LOCK, which lifts the limit on locked memory.
-const CAP_IPC_LOCK: u32 = 14;
+pub(crate) const CAP_IPC_LOCK: u32 = 14;
+/// Bit of CAP_SYS_NICE, which lifts the limit on real-time priority.
+pub(crate) const CAP_SYS_NICE: u32 = 23;
 /// Smallest memlock limit \[bytes\] under which future mappings may be locked too: below it, an
 /// ordinary thread stack or buffer would soon be refused and end the process.
 const MEMLOCK_BYTES_MIN: u64 = 1 << 30;

@@ -1,0 +1,73 @@
+//! `platoon vcan`: the host. Virtual CAN interfaces, and a kernel that has CAN where it has none.
+
+mod interfaces;
+mod report;
+mod shell;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Args, Subcommand};
+
+use crate::failure::Failure;
+use crate::summary::Verdict;
+
+pub use interfaces::Interfaces;
+pub use report::CheckArgs;
+
+pub use shell::ShellArgs;
+
+/// Options of `vcan`.
+#[derive(Debug, Clone, Args)]
+pub struct VcanArgs {
+    /// What to do.
+    #[command(subcommand)]
+    verb: VcanVerb,
+}
+
+/// The verbs of `vcan`.
+#[derive(Debug, Clone, Subcommand)]
+pub enum VcanVerb {
+    /// Make virtual CAN interfaces fit for CAN FD; those that are there already are left alone.
+    Up(Interfaces),
+    /// Remove virtual CAN interfaces that carry no traffic; any other kind is refused.
+    Down(Interfaces),
+    /// Say whether a rehearsal over vcan can run here, and how ready the machine is for real time.
+    Check(CheckArgs),
+    /// Run a command in a kernel that has CAN: user-mode Linux, an ordinary process.
+    Shell(ShellArgs),
+    /// Started by `shell`: sees to it that nothing of the kernel is left.
+    #[command(hide = true)]
+    Keep(Words),
+    /// Started by the booted kernel as its first process.
+    #[command(hide = true)]
+    Guest(Words),
+    /// Started in the booted kernel for a command on a terminal.
+    #[command(hide = true)]
+    Terminal(Words),
+}
+
+/// Words of one part of this program for another.
+#[derive(Debug, Clone, Args)]
+pub struct Words {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<OsString>,
+}
+
+/// Runs a verb; `prefix` are the words of the command line that lead to [`VcanArgs`].
+pub fn run(args: &VcanArgs, prefix: &[&str]) -> ExitCode {
+    match &args.verb {
+        VcanVerb::Up(interfaces) => finish(interfaces.up()),
+        VcanVerb::Down(interfaces) => finish(interfaces.down()),
+        VcanVerb::Check(args) => finish(report::run(args)),
+        VcanVerb::Shell(args) => shell::run(args, prefix),
+        VcanVerb::Keep(words) => shell::keep(&words.words),
+        VcanVerb::Guest(_) => shell::guest(),
+        VcanVerb::Terminal(words) => shell::become_on_terminal(&words.words),
+    }
+}
+
+/// The exit code of a verb that judges no rehearsal.
+fn finish(outcome: Result<(), Failure>) -> ExitCode {
+    crate::finish(outcome.map(|()| Verdict::Pass))
+}
