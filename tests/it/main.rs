@@ -14,3 +14,4 @@ mod repository;
 mod responses;
 mod tidy;
 mod usage;
+mod vcan_shell;
