@@ -15,7 +15,8 @@ Runs every step, or only those named, and ends with a summary. Exit status 1 whe
   clippy      all targets, warnings are errors
   doc         rustdoc, warnings are errors
   test        cargo test --workspace
-  interop     our formats against cantools, python-can and the Python MCAP readers
+  interop     our formats against cantools, python-can and the Python MCAP readers; the plant
+              against CommonRoad's vehicle models
   rehearse    the release build, the default scenario in virtual time, its trace read by Python
   socketcan   the tests that need a kernel with CAN: in a network namespace of this kernel, else
               inside user-mode Linux, else each one is listed as left out
@@ -200,6 +201,7 @@ step_interop() {
     python tests/interop/python_can_udp.py "$(example_path platoon-dbc udp_peer)"
     "$(example_path traces sample_run)" "$scratch/sample"
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
+    python tests/interop/commonroad_plant.py "$(example_path bench-sim plant_trajectories)"
 }
 
 # The default scenario as users get it must pass; a few seconds of it are read by stock readers.

@@ -1,7 +1,9 @@
 //! Numbers that stand in two crates on purpose, held together here: what is (the plant), what the
 //! controller believes, and what the guard allows.
 
-use bench_sim::truck::{NOMINAL_MASS_KG, TruckParameters, WIDTH_M};
+use bench_sim::truck::{
+    NOMINAL_MASS_KG, PredictionParameters, TruckParameters, TwoTrackParameters, WIDTH_M,
+};
 use controller_rt::guard;
 use law::Calibration;
 
@@ -21,6 +23,26 @@ fn the_controllers_belief_is_the_plants_nominal_truck() {
     for (what, is, believed) in pairs {
         assert_eq!(is, believed, "{what}");
     }
+}
+
+#[test]
+fn every_plant_is_the_same_truck() {
+    let belief = Calibration::default().truck;
+    let believed =
+        [belief.mass_kg, belief.yaw_inertia_kgm2, belief.cg_to_front_m, belief.cg_to_rear_m];
+    let two = TwoTrackParameters::default();
+    let is = [two.mass_kg, two.yaw_inertia_kgm2, two.front_axle_m, two.rear_axle_m];
+    assert_eq!(is, believed, "two-track");
+    // The rear axle's stiffness follows from its load and is a third of Table II's.
+    let ratio = two.static_cornering_n_per_rad(0) / belief.front_stiffness_n_per_rad;
+    assert!((ratio - 1.0).abs() < 1e-3, "front tyres {ratio}");
+    let one = PredictionParameters::default();
+    let is = [one.mass_kg, one.yaw_inertia_kgm2, one.front_axle_m, one.rear_axle_m];
+    assert_eq!(is, believed, "prediction");
+    assert_eq!(one.front_stiffness_n_per_rad, belief.front_stiffness_n_per_rad);
+    assert_eq!(one.rear_stiffness_n_per_rad, belief.rear_stiffness_n_per_rad);
+    assert_eq!(one.drag_n_s2_per_m2, belief.drag_n_per_mps2);
+    assert_eq!(one.rolling, belief.rolling_resistance);
 }
 
 #[test]

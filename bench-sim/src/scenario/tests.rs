@@ -78,7 +78,14 @@ fn keys_that_only_make_sense_together_can_be_set_together() {
 
 #[test]
 fn a_written_scenario_loads_back_the_same() {
-    let scenario = load(&[("trucks.1.mass_kg", "8000"), ("law.x", "1")]).expect("loads");
+    let patches = "[{ from_x_m = 10, until_x_m = 20, friction = 0.2 }]";
+    let scenario = load(&[
+        ("trucks.1.mass_kg", "8000"),
+        ("law.x", "1"),
+        ("plant.model", "two-track"),
+        ("road.friction_patches", patches),
+    ])
+    .expect("loads");
     let back: Scenario = toml::from_str(&scenario.to_toml()).expect("parses");
     assert_eq!(back, scenario);
 }
@@ -118,6 +125,69 @@ fn unknown_keys_and_wrong_types_are_refused_with_what_is_allowed() {
     refused("", "1", &["empty"]);
     refused("platoon.", "1", &["empty"]);
     refused("sensors.noise", "on", &["sensors.noise=on"]);
+}
+
+/// The two-track calibration of the leader under overrides that also choose that model.
+fn two_track(sets: &[(&str, &str)]) -> TwoTrackParameters {
+    let scenario = load(&[&[("plant.model", "two-track")], sets].concat()).expect("loads");
+    match scenario.truck(0) {
+        Specification::TwoTrack(parameters) => parameters,
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn the_plant_model_is_chosen_by_its_key() {
+    let truck = |model| load(&[("plant.model", model)]).expect("loads").truck(0);
+    assert!(matches!(truck("single-track"), Specification::SingleTrack(_)));
+    assert!(matches!(truck("two-track"), Specification::TwoTrack(_)));
+    assert!(matches!(truck("prediction"), Specification::Prediction(_)));
+    assert_eq!(load(&[]).expect("loads").plant.model, Model::SingleTrack);
+}
+
+#[test]
+fn road_and_plant_keys_reach_the_two_track_truck() {
+    let p = two_track(&[
+        ("road.grade_percent", "3"),
+        ("road.banking_percent", "-2"),
+        ("road.wind_x_mps", "-5"),
+        ("road.wind_y_mps", "4.5"),
+        ("road.friction_patches", "[{ from_x_m = 10, until_x_m = 20, friction = 0.2 }]"),
+        ("plant.power_max_w", "150e3"),
+        ("plant.driven_axles", "rear"),
+        ("plant.rear_cornering_scale", "3.09"),
+        ("plant.friction", "0.6"),
+        ("trucks.0.mass_kg", "11520"),
+        ("trucks.0.drive_lag_s", "0.4"),
+    ]);
+    let ice = FrictionPatch { from_x_m: 10.0, until_x_m: 20.0, friction: 0.2 };
+    let mut road = Surroundings::level(0.6).with_patches([ice]);
+    (road.grade, road.banking, road.wind_x_mps, road.wind_y_mps) = (0.03, -0.02, -5.0, 4.5);
+    assert_eq!(p.surroundings, road);
+    assert_eq!((p.power_max_w, p.driven), (150e3, DrivenAxles::Rear));
+    assert_eq!((p.rear_tyre.cornering_scale, p.tyre.cornering_scale), (3.09, 1.0));
+    assert_eq!((p.mass_kg, p.yaw_inertia_kgm2, p.drive_lag_s), (11_520.0, 69_605.2, 0.4));
+}
+
+#[test]
+fn what_the_chosen_plant_would_ignore_is_refused() {
+    refused("road.grade_percent", "3", &["road.grade_percent = 3", "two-track"]);
+    refused("road.wind_y_mps", "3", &["road.wind_y_mps = 3", "two-track"]);
+    refused("plant.driven_axles", "rear", &["plant.driven_axles = rear", "two-track"]);
+    let patch = "[{ from_x_m = 10, until_x_m = 20, friction = 0.2 }]";
+    refused("road.friction_patches", patch, &["road.friction_patches = 1", "two-track"]);
+}
+
+#[test]
+fn impossible_roads_are_refused() {
+    refused("road.grade_percent", "45", &["road.grade_percent = 45", "-30 to 30"]);
+    refused("plant.power_max_w", "0", &["plant.power_max_w", "1000"]);
+    refused("plant.driven_axles", "front", &["front", "rear"]);
+    refused("road.grade", "0.1", &["road.grade", "grade_percent"]);
+    let patch = "[{ from_x_m = 30, until_x_m = 20, friction = 0.2 }]";
+    refused("road.friction_patches", patch, &["road.friction_patches.1.until_x_m = 20", "30"]);
+    let patch = "[{ from_m = 30, until_x_m = 20, friction = 0.2 }]";
+    refused("road.friction_patches", patch, &["from_m", "from_x_m"]);
 }
 
 #[test]

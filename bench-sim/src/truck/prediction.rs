@@ -16,6 +16,9 @@
 //! Below 3 m/s slip is the sideways speed of the contact point over 3 m/s, so that a standing wheel
 //! is a damper. The truck never rolls backwards: brake and rolling resistance hold it at standstill.
 
+#[cfg(test)]
+mod tests;
+
 use super::{BodyAcceleration, Command, GRAVITY_MPS2, TruckState};
 
 /// Below this speed slip angles are taken over this speed \[m/s\]; ours.

@@ -41,7 +41,7 @@ pub use parameters::{DrivenAxles, TwoTrackParameters};
 pub use road::{FRICTION_PATCHES_MAX, FrictionPatch, Surroundings};
 pub use tyre::TyreParameters;
 
-use actuators::Torques;
+use actuators::{Torques, Turning, slip_control};
 use state::{AXLES, State, WHEELS};
 use suspension::Loading;
 
@@ -64,6 +64,7 @@ pub struct TwoTrack {
     parameters: TwoTrackParameters,
     state: State,
     acceleration: BodyAcceleration,
+    turning: [Turning; WHEELS],
     held: bool,
 }
 
@@ -80,8 +81,8 @@ struct Wheel {
     /// Speed of its contact point along and across it \[m/s\].
     along_mps: f64,
     across_mps: f64,
-    /// Torque of engine, brake, rolling resistance and hill holder \[N m\].
-    torque_nm: f64,
+    /// Torques of engine, brake, rolling resistance and hill holder.
+    torques: Torques,
     /// Relaxation lengths of its slips \[m\].
     relaxation_x_m: f64,
     relaxation_y_m: f64,
@@ -115,8 +116,13 @@ impl TwoTrack {
             spin_radps: [start.forward_mps / parameters.wheel_radius_m; WHEELS],
             ..State::default()
         };
-        let mut truck =
-            Self { parameters, state, acceleration: BodyAcceleration::default(), held: false };
+        let mut truck = Self {
+            parameters,
+            state,
+            acceleration: BodyAcceleration::default(),
+            turning: state.spin_radps.map(Turning::of),
+            held: false,
+        };
         truck.settle_or_hold();
         truck.accelerate(&Command::default());
         truck
@@ -124,6 +130,7 @@ impl TwoTrack {
 
     /// Advances the truck by one Runge-Kutta step under a constant command.
     pub fn step(&mut self, command: &Command, dt_s: f64) {
+        self.break_away();
         let start = self.state;
         let k1 = self.rate(&start, command);
         let k2 = self.rate(&start.plus(&k1, 0.5 * dt_s), command);
@@ -134,10 +141,9 @@ impl TwoTrack {
             .plus(&k2, dt_s / 3.0)
             .plus(&k3, dt_s / 3.0)
             .plus(&k4, dt_s / 6.0);
-        for wheel in 0..WHEELS {
-            self.state.slip[wheel] = self.state.slip[wheel].clamp(-SLIP_MAX, SLIP_MAX);
-            self.state.tan_slip[wheel] = self.state.tan_slip[wheel].clamp(-SLIP_MAX, SLIP_MAX);
-        }
+        self.state.slip = self.state.slip.map(|slip| slip.clamp(-SLIP_MAX, SLIP_MAX));
+        self.state.tan_slip = self.state.tan_slip.map(|slip| slip.clamp(-SLIP_MAX, SLIP_MAX));
+        self.lock_up();
         self.settle_or_hold();
         self.accelerate(command);
     }
@@ -181,6 +187,30 @@ impl TwoTrack {
     /// Longitudinal slips of the wheels behind their relaxation lengths, in the same order.
     pub fn slips(&self) -> [f64; WHEELS] {
         self.state.slip
+    }
+
+    /// Lets locked wheels turn whose friction no longer holds them. Brakes and bearings are Coulomb
+    /// friction, whose sense stays the same within a step (Karnopp, ASME J. Dyn. Sys. 107, 1985).
+    fn break_away(&mut self) {
+        if self.held || !self.turning.contains(&Turning::Locked) {
+            return;
+        }
+        let forces = self.forces(&self.state);
+        for (turning, wheel) in self.turning.iter_mut().zip(&forces.wheels) {
+            if *turning == Turning::Locked {
+                let road_nm = -self.parameters.wheel_radius_m * wheel.along_n;
+                *turning = wheel.torques.breakaway(road_nm);
+            }
+        }
+    }
+
+    /// Locks the wheels that have just stopped turning.
+    fn lock_up(&mut self) {
+        for (turning, spin_radps) in self.turning.iter_mut().zip(&mut self.state.spin_radps) {
+            if *turning != Turning::of(*spin_radps) {
+                (*turning, *spin_radps) = (Turning::Locked, 0.0);
+            }
+        }
     }
 
     /// Takes note of the acceleration under a command.
@@ -243,8 +273,11 @@ impl TwoTrack {
         let p = &self.parameters;
         for (i, wheel) in forces.wheels.iter().enumerate() {
             let (speed_mps, rim_mps) = (wheel.along_mps.abs(), s.spin_radps[i] * p.wheel_radius_m);
-            rate.spin_radps[i] =
-                (wheel.torque_nm - p.wheel_radius_m * wheel.along_n) / p.wheel_inertia_kgm2[i / 2];
+            if self.turning[i] != Turning::Locked {
+                let torque_nm = wheel.torques.on(self.turning[i]);
+                rate.spin_radps[i] =
+                    (torque_nm - p.wheel_radius_m * wheel.along_n) / p.wheel_inertia_kgm2[i / 2];
+            }
             rate.slip[i] =
                 (rim_mps - wheel.along_mps - speed_mps * s.slip[i]) / wheel.relaxation_x_m;
             rate.tan_slip[i] =
@@ -260,15 +293,21 @@ impl TwoTrack {
         let [left_rad, right_rad] = p.ackermann_rad(s.road_wheel_rad());
         let steer_rad = [left_rad, right_rad, 0.0, 0.0];
         let heading = libm::sincos(s.heading_rad);
+        let (mut forward_n, mut left_n) = ([0.0; WHEELS], [0.0; WHEELS]);
         for i in 0..WHEELS {
-            let (axle, (sin, cos)) = (i / 2, libm::sincos(steer_rad[i]));
+            let (sin, cos) = libm::sincos(steer_rad[i]);
             let wheel = self.wheel(s, i, loads_n[i], (sin, cos), heading);
-            let forward_n = wheel.along_n * cos - wheel.across_n * sin;
-            let left_n = wheel.along_n * sin + wheel.across_n * cos;
-            forces.axle_forward_n[axle] += forward_n;
-            forces.axle_left_n[axle] += left_n;
-            forces.yaw_nm += p.axle_ahead_m(axle) * left_n - p.wheel_aside_m(i) * forward_n;
+            forward_n[i] = wheel.along_n * cos - wheel.across_n * sin;
+            left_n[i] = wheel.along_n * sin + wheel.across_n * cos;
             forces.wheels[i] = wheel;
+        }
+        // Left and right are added first, so that mirror images stay exact.
+        for axle in 0..AXLES {
+            let (left, right) = (2 * axle, 2 * axle + 1);
+            forces.axle_forward_n[axle] = forward_n[left] + forward_n[right];
+            forces.axle_left_n[axle] = left_n[left] + left_n[right];
+            forces.yaw_nm += p.axle_ahead_m(axle) * forces.axle_left_n[axle]
+                + 0.5 * p.track_m[axle] * (forward_n[right] - forward_n[left]);
         }
         forces
     }
@@ -330,20 +369,29 @@ impl TwoTrack {
             across_n: tyres * across_n,
             along_mps,
             across_mps,
-            torque_nm: self.torques(s, axle, load_n, peak_n).at(rim_mps, along_mps),
+            torques: self.torques(s, axle, (load_n, peak_n), slip_control(rim_mps, along_mps)),
             relaxation_x_m: tyre.relaxation_x_m,
             relaxation_y_m: tyre.relaxation_y_m,
         }
     }
 
-    /// What engine, brake, bearings and hill holder ask of a wheel.
-    fn torques(&self, s: &State, axle: usize, load_n: f64, peak_n: f64) -> Torques {
+    /// Torques of engine, brake, bearings and hill holder on a wheel of a load and a grip, as far as
+    /// traction control and anti-lock brakes let them through.
+    fn torques(
+        &self,
+        s: &State,
+        axle: usize,
+        (load_n, peak_n): (f64, f64),
+        (spinning, locking): (f64, f64),
+    ) -> Torques {
         let (p, radius_m) = (&self.parameters, self.parameters.wheel_radius_m);
+        let engine_nm = 0.5 * p.driven_share(axle) * p.engine_force_n(s) * radius_m;
+        let rolling_nm = p.rolling * load_n * radius_m;
+        let brake_nm = 0.5 * s.brake_n[axle] * radius_m;
         Torques {
-            engine_nm: 0.5 * p.driven_share(axle) * p.engine_force_n(s) * radius_m,
-            brake_nm: 0.5 * s.brake_n[axle] * radius_m,
-            rolling_nm: p.rolling * load_n * radius_m,
-            holding_nm: HOLDING_SHARE * peak_n * radius_m,
+            engine_nm: engine_nm * if engine_nm > 0.0 { spinning } else { locking },
+            forward_nm: rolling_nm + locking * brake_nm,
+            backward_nm: rolling_nm + brake_nm + HOLDING_SHARE * peak_n * radius_m,
         }
     }
 
@@ -354,8 +402,9 @@ impl TwoTrack {
         let along_mps2 = rate.forward_mps - s.lateral_mps * s.yaw_radps - gravity_x;
         let across_mps2 = rate.lateral_mps + s.forward_mps * s.yaw_radps - gravity_y;
         let unsprung_kg = p.unsprung_kg[0] + p.unsprung_kg[1];
-        let spin_nm: f64 =
-            (0..WHEELS).map(|i| p.wheel_inertia_kgm2[i / 2] * rate.spin_radps[i]).sum();
+        let spin_radps2 = rate.spin_radps;
+        let spin_nm = p.wheel_inertia_kgm2[0] * (spin_radps2[0] + spin_radps2[1])
+            + p.wheel_inertia_kgm2[1] * (spin_radps2[2] + spin_radps2[3]);
         Loading {
             pitch_nm: -p.sprung_height_m * (forces.axle_forward_n[0] + forces.axle_forward_n[1])
                 + (p.sprung_height_m - p.wheel_radius_m) * unsprung_kg * along_mps2

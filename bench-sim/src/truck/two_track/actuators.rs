@@ -33,8 +33,6 @@ const SLIP_CONTROL_SPEED_MIN_MPS: f64 = 3.0;
 const POWER_SPEED_MIN_MPS: f64 = 0.1;
 /// Time constant of the steering's compliance \[s\]. Ours.
 const TWIST_LAG_S: f64 = 0.02;
-/// Wheel speed over which Coulomb friction of brakes and bearings changes its sign \[m/s\]. Ours.
-const COULOMB_SPEED_MPS: f64 = 0.3;
 
 impl TwoTrackParameters {
     /// Force the engine gives at the wheels now \[N\]: never more than its power or its brake allow.
@@ -111,33 +109,70 @@ impl TwoTrackParameters {
     }
 }
 
-/// A wheel's torques: what the actuators ask for, and how far slip control lets them through.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Which way a wheel turns: the sense in which Coulomb friction works against it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Turning {
+    /// Forward.
+    Forward,
+    /// Not at all: friction takes up whatever torque there is.
+    Locked,
+    /// Backward.
+    Backward,
+}
+
+impl Turning {
+    /// The sense of a spin.
+    pub(super) fn of(spin_radps: f64) -> Self {
+        if spin_radps > 0.0 {
+            Self::Forward
+        } else if spin_radps < 0.0 {
+            Self::Backward
+        } else {
+            Self::Locked
+        }
+    }
+}
+
+/// A wheel's torques, as slip control lets them through.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Torques {
     /// Of the engine \[N m\], negative when it brakes.
     pub(super) engine_nm: f64,
-    /// Largest of the brake \[N m\], not negative.
-    pub(super) brake_nm: f64,
-    /// Largest of the rolling resistance \[N m\], not negative.
-    pub(super) rolling_nm: f64,
-    /// Largest of the hill holder \[N m\], not negative.
-    pub(super) holding_nm: f64,
+    /// Coulomb friction of brake and bearings against turning forward \[N m\], not negative.
+    pub(super) forward_nm: f64,
+    /// The same against turning backward, with the hill holder \[N m\].
+    pub(super) backward_nm: f64,
 }
 
 impl Torques {
-    /// Torque on a wheel whose rim runs at `rim_mps` while its hub moves at `along_mps` \[N m\].
-    ///
-    /// Brake and bearing are Coulomb friction, smoothed over a small rim speed so that it has a
-    /// derivative; exact standstill is the business of [`super::hold`].
-    pub(super) fn at(&self, rim_mps: f64, along_mps: f64) -> f64 {
-        let over_mps = along_mps.max(SLIP_CONTROL_SPEED_MIN_MPS);
-        let spinning = permitted((rim_mps - along_mps) / over_mps);
-        let locking = permitted((along_mps - rim_mps) / over_mps);
-        let engine_nm = self.engine_nm * if self.engine_nm > 0.0 { spinning } else { locking };
-        let against = libm::tanh(rim_mps / COULOMB_SPEED_MPS);
-        let backwards_nm = if rim_mps < 0.0 { self.holding_nm } else { 0.0 };
-        engine_nm - against * (self.brake_nm * locking + self.rolling_nm + backwards_nm)
+    /// Torque on a wheel that turns \[N m\]; a locked one has none to speak of.
+    pub(super) fn on(&self, turning: Turning) -> f64 {
+        match turning {
+            Turning::Forward => self.engine_nm - self.forward_nm,
+            Turning::Backward => self.engine_nm + self.backward_nm,
+            Turning::Locked => 0.0,
+        }
     }
+
+    /// Which way a locked wheel breaks away under the road's torque on it, if at all.
+    pub(super) fn breakaway(&self, road_nm: f64) -> Turning {
+        let pushed_nm = self.engine_nm + road_nm;
+        if pushed_nm > self.forward_nm {
+            Turning::Forward
+        } else if pushed_nm < -self.backward_nm {
+            Turning::Backward
+        } else {
+            Turning::Locked
+        }
+    }
+}
+
+/// Shares of torque that traction control and anti-lock brakes let through, for a wheel whose rim
+/// runs at `rim_mps` while its hub moves at `along_mps`.
+pub(super) fn slip_control(rim_mps: f64, along_mps: f64) -> (f64, f64) {
+    let over_mps = along_mps.max(SLIP_CONTROL_SPEED_MIN_MPS);
+    let slip = (rim_mps - along_mps) / over_mps;
+    (permitted(slip), permitted(-slip))
 }
 
 /// How much of a torque slip control lets through at a slip.
@@ -240,10 +275,19 @@ mod tests {
 
     #[test]
     fn slip_control_takes_the_torque_away() {
-        let torques = Torques { engine_nm: 0.0, brake_nm: 5e3, rolling_nm: 0.0, holding_nm: 0.0 };
-        assert!((torques.at(19.0, 20.0) + 5e3).abs() < 1e-9, "5 % slip is left alone");
-        assert_eq!(torques.at(13.0, 20.0), 0.0, "35 % slip releases the brake");
-        let driving = Torques { engine_nm: 4e3, brake_nm: 0.0, ..torques };
-        assert_eq!((driving.at(5.1, 5.0), driving.at(7.0, 5.0)), (4e3, 0.0));
+        assert_eq!(slip_control(19.0, 20.0), (1.0, 1.0), "5 % slip is left alone");
+        assert_eq!(slip_control(13.0, 20.0), (1.0, 0.0), "35 % slip releases the brake");
+        assert_eq!(slip_control(7.0, 5.0), (0.0, 1.0), "a spinning wheel loses its drive");
+        let (_, braked) = slip_control(15.8, 20.0);
+        assert!((0.4..0.6).contains(&braked), "in between it fades: {braked}");
+    }
+
+    #[test]
+    fn a_locked_wheel_breaks_away_when_the_push_exceeds_its_friction() {
+        let torques = Torques { engine_nm: 500.0, forward_nm: 800.0, backward_nm: 5_000.0 };
+        assert_eq!(torques.breakaway(200.0), Turning::Locked);
+        assert_eq!(torques.breakaway(400.0), Turning::Forward);
+        assert_eq!(torques.breakaway(-5_400.0), Turning::Locked);
+        assert_eq!(torques.breakaway(-5_600.0), Turning::Backward);
     }
 }

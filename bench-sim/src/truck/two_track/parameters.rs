@@ -143,7 +143,7 @@ impl TwoTrackParameters {
     /// Position of a wheel to the left of the truck's middle \[m\].
     pub(super) fn wheel_aside_m(&self, wheel: usize) -> f64 {
         let half_m = 0.5 * self.track_m[wheel / 2];
-        if wheel % 2 == 0 { half_m } else { -half_m }
+        if wheel.is_multiple_of(2) { half_m } else { -half_m }
     }
 
     /// The tyres of an axle.
