@@ -26,6 +26,8 @@ pub struct Slot {
     pub overslept: u32,
     /// How late the loop woke when it overslept \[ns\], the worst since the previous slot.
     pub overslept_ns: u64,
+    /// Whether the slot has a deadline to miss; in virtual time it has none.
+    pub has_deadline: bool,
 }
 
 impl Slot {
@@ -33,7 +35,15 @@ impl Slot {
     #[must_use]
     pub fn on_time(number: u32, period_ns: u64, clock: &dyn Clock) -> Self {
         let time_ns = u64::from(number) * period_ns;
-        Self { number, time_ns, due_ns: clock.now_ns(), skipped: 0, overslept: 0, overslept_ns: 0 }
+        Self {
+            number,
+            time_ns,
+            due_ns: clock.now_ns(),
+            skipped: 0,
+            overslept: 0,
+            overslept_ns: 0,
+            has_deadline: false,
+        }
     }
 }
 
@@ -86,6 +96,7 @@ impl Pacer {
             skipped: core::mem::take(&mut self.skipped),
             overslept: core::mem::take(&mut self.overslept),
             overslept_ns: core::mem::take(&mut self.overslept_ns),
+            has_deadline: true,
         };
         self.lock.creep(slot.skipped.saturating_add(1), self.period_ns);
         Some(slot)

@@ -117,7 +117,7 @@ impl Statistics {
                 phase.count(took_ns);
             }
         }
-        if times.total_ns <= period_ns {
+        if !slot.has_deadline || times.total_ns <= period_ns {
             return MissCause::None;
         }
         self.misses += 1;
@@ -217,8 +217,15 @@ mod tests {
 
     const PERIOD_NS: u64 = 1_000_000;
 
-    const SLOT: Slot =
-        Slot { number: 0, time_ns: 0, due_ns: 0, skipped: 0, overslept: 0, overslept_ns: 0 };
+    const SLOT: Slot = Slot {
+        number: 0,
+        time_ns: 0,
+        due_ns: 0,
+        skipped: 0,
+        overslept: 0,
+        overslept_ns: 0,
+        has_deadline: true,
+    };
 
     fn times(wake_ns: u64, qp_ns: u64) -> PhaseTimes {
         PhaseTimes {

@@ -50,6 +50,8 @@ pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failur
         ecu.prepare(&clock);
         outcome.ecus.push(ecu.finish(&clock));
     }
+    // Their last words belong to the recording.
+    rig.listen();
     outcome.notes.extend(rig.take_recorder().and_then(recording_loss));
     outcome.notes.extend(interrupted.then(|| "interrupted".to_owned()));
     outcome.notes.extend(plan.args.fault.iter().map(|fault| format!("fault injected: {fault}")));

@@ -2,6 +2,7 @@
 
 mod architecture;
 mod bench;
+mod bus_timing;
 mod determinism;
 mod faults;
 mod gateway;

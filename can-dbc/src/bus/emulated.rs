@@ -22,8 +22,10 @@ use crate::bus_time::{Arbiter, BusTiming, Request, Transfer, Urgency};
 use crate::frame::Frame;
 use core::time::Duration;
 
-/// Frames that may wait for the wire, and frames that may wait to be received.
-const CAPACITY: usize = 4096;
+/// Frames that may wait for the wire: half a second of a full one.
+const WAITING_MAX: usize = 1024;
+/// Frames that may wait to be received.
+const ARRIVED_MAX: usize = 4096;
 /// Identifiers whose queueing is told; those of a foreign flood beyond are only carried.
 const IDENTIFIERS: usize = 64;
 /// The two nodes of the wire.
@@ -56,8 +58,8 @@ impl<B: Bus> Emulated<B> {
         Self {
             inner,
             timing,
-            wire: Arbiter::new(CAPACITY),
-            arrived: VecDeque::with_capacity(CAPACITY),
+            wire: Arbiter::new(WAITING_MAX),
+            arrived: VecDeque::with_capacity(ARRIVED_MAX),
             queueing: Vec::with_capacity(IDENTIFIERS),
             is_running: false,
             stamps_bench_time: false,
@@ -129,7 +131,7 @@ impl<B: Bus> Emulated<B> {
     }
 
     fn deliver(&mut self, received: Received) {
-        if self.arrived.len() < CAPACITY {
+        if self.arrived.len() < ARRIVED_MAX {
             self.arrived.push_back(received);
         } else {
             self.counts.receive_overflow += u64::from(!received.own);
