@@ -2,7 +2,7 @@
 //!
 //! One struct per frame: the standard parameter groups ([`Tsc1`], [`Xbr`], [`Vdc2`], ...) as far as
 //! they are used, and Proprietary B for what no standard group carries. A signal that a truck may
-//! not have is a [`Reading`](crate::Reading). Controller and rig do not meet these frames:
+//! not have is a [`Reading`]. Controller and rig do not meet these frames:
 //! [`Encoder`](crate::Encoder) and [`Decoder`](crate::Decoder) make messages of them.
 //!
 //! The groups are described in our own words and only as far as they are used; the comment of

@@ -1,10 +1,16 @@
 //! The contract between the rig and a truck's ECU: messages, protection and the bus they meet on.
 //!
-//! `platoon.dbc` is the single source. The build turns it into one struct per message
-//! ([`EgoState`], [`Actuation`], ...), the enum [`Message`] over all of them, and the table
-//! [`MESSAGES`] for tools. Every frame carries an alive counter and a CRC after AUTOSAR E2E
-//! Profile 5 ([`e2e`]). Frames travel over one [`Bus`], of which there are three: [`SocketCan`],
-//! [`Udp`] (python-can's `udp_multicast` format on loopback) and [`Loopback`] (in memory).
+//! Controller and rig speak in [`Message`]s ([`EgoState`], [`Actuation`], ...). A [`Profile`] says
+//! which frames carry them: `fd` (CAN FD, one protected frame of `platoon.dbc` each) or `j1939`
+//! (classic CAN: standard parameter groups and Proprietary B, [`mod@j1939`]). [`Encoder`] and
+//! [`Decoder`] turn the one into the other and back.
+//!
+//! `platoon.dbc` and `j1939.dbc` are the single sources. The build turns each into one struct per
+//! frame, an enum over all of them and a table for tools ([`MESSAGES`], [`decode_signals`]). Every
+//! FD frame carries an alive counter and a CRC after AUTOSAR E2E Profile 5 ([`e2e`]); J1939 has
+//! its own protection ([`Protection`]) and its own codes for a value that is missing
+//! ([`Reading`]). Frames travel over one [`Bus`], of which there are three: [`SocketCan`], [`Udp`]
+//! (python-can's `udp_multicast` format on loopback) and [`Loopback`] (in memory).
 //!
 //! This crate knows nobody: no controller, no plant, no recorder. It reads no clock; whoever needs
 //! time gets a [`Clock`]. Encoding, decoding, sending and receiving neither allocate nor block.

@@ -104,7 +104,8 @@ impl std::str::FromStr for Profile {
 
 /// What a profile must know of the truck to speak of torque and deceleration instead of force.
 ///
-/// Rig and ECU each bring their own: the rig that of the truck as it is, the ECU that of its belief.
+/// Rig and ECU each bring their own: the rig that of the truck as it is, the ECU that of what it
+/// believes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Vehicle {
     /// Mass, between braking force and demanded deceleration, kg.
@@ -165,8 +166,8 @@ impl Encoder {
 
     /// Notes what the actuators do, which some profiles publish beside `EgoState`.
     ///
-    /// `force_n` is the longitudinal force at the wheels, positive forward, `steering_rad` the angle
-    /// of the front wheels, positive to the left. Until called, both are unknown.
+    /// `force_n` is the longitudinal force at the wheels, positive forward, `steering_rad` the
+    /// angle of the front wheels, positive to the left. Until called, both are unknown.
     pub fn note_actuators(&mut self, force_n: f64, steering_rad: f64) {
         match &mut self.0 {
             Encoding::Fd(_) => {}

@@ -46,6 +46,15 @@ fn every_plant_is_the_same_truck() {
 }
 
 #[test]
+fn the_vehicle_that_frames_are_scaled_by_is_the_nominal_truck() {
+    let vehicle = platoon_dbc::Vehicle::default();
+    let belief = Calibration::default();
+    assert_eq!(vehicle.mass_kg, NOMINAL_MASS_KG);
+    assert_eq!(vehicle.mass_kg, belief.truck.mass_kg);
+    assert_eq!(vehicle.full_torque_force_n, 1e3 * belief.lml.force_max_kn);
+}
+
+#[test]
 fn the_plant_resists_more_than_the_controller_believes() {
     let plant = TruckParameters::new(NOMINAL_MASS_KG, 0.25, 0.85);
     let belief = Calibration::default().truck;

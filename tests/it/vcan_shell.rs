@@ -87,7 +87,8 @@ fn every_byte(seed: u32) -> Vec<u8> {
 #[ignore = "needs user-mode-linux"]
 fn arguments_environment_folder_and_mask_arrive_as_they_are() {
     let place = place("shell-arguments");
-    let words = ["--", "sh", "-c", "printf '%s|' \"$@\" \"$ODD\"; pwd; umask", "a b", "", "q\"'$x*"];
+    let words =
+        ["--", "sh", "-c", "printf '%s|' \"$@\" \"$ODD\"; pwd; umask", "a b", "", "q\"'$x*"];
     let outside = "umask 027; exec \"$0\" \"$@\"";
     let output = Command::new("sh")
         .args(["-c", outside, env!("CARGO_BIN_EXE_platoon"), "vcan", "shell"])
@@ -179,7 +180,8 @@ fn an_interrupt_reaches_the_command_which_may_end_in_order() {
 #[ignore = "needs user-mode-linux"]
 fn a_termination_ends_a_command_that_does_not_care() {
     let place = place("shell-terminate");
-    let (mut child, _) = started(&mut shell(&place, &["--", "sh", "-c", "echo up; exec sleep 600"]));
+    let (mut child, _) =
+        started(&mut shell(&place, &["--", "sh", "-c", "echo up; exec sleep 600"]));
     send(&child, Signal::TERM);
     assert_eq!(child.wait().expect("it ends").code(), Some(143));
     assert_nothing_left_of(child.id());
@@ -218,7 +220,8 @@ fn a_killed_caller_leaves_no_process_and_no_folder() {
 #[ignore = "needs user-mode-linux"]
 fn it_ends_with_the_process_that_started_it() {
     let place = place("shell-orphan");
-    let inner = format!("{} vcan shell -- sh -c 'echo up; sleep 600'; :", env!("CARGO_BIN_EXE_platoon"));
+    let inner =
+        format!("{} vcan shell -- sh -c 'echo up; sleep 600'; :", env!("CARGO_BIN_EXE_platoon"));
     let mut parent = Command::new("sh");
     parent.args(["-c", &inner]).current_dir(&place).stdin(Stdio::null());
     let (mut parent, mut stdout) = started(&mut parent);

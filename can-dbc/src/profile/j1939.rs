@@ -3,7 +3,7 @@
 //!
 //! | message | frames |
 //! |---|---|
-//! | `EgoState` | VDC2 (yaw rate, acceleration), CCVS1 (speed, 100 ms), `NavPosition`, `NavMotion`, `NavTime` |
+//! | `EgoState` | VDC2, CCVS1 (speed, 100 ms), `NavPosition`, `NavMotion`, `NavTime` |
 //! | `Actuation` | TSC1 (driving force), XBR (braking force, 20 ms), `SteerCommand` |
 //! | `V2vState` | `V2vPosition`, `V2vMotion`, `V2vTime` |
 //! | `V2vOut` | `V2vOutPosition`, `V2vOutMotion`, `V2vOutHeading`, `V2vOutTime` |

@@ -1,8 +1,8 @@
 //! What the rig plays of the truck's own standard groups: motion, speed, engine and brakes.
 //!
 //! Of the actuators it tells what was noted last. Like a sensor, each value stops at the end of its
-//! range. What a rig with one wheel per axle, no crankshaft and no driver cannot know is not
-//! available.
+//! range. What the rig does not tell apart or does not have (single wheels, a crankshaft, a driver)
+//! is not available.
 
 use super::ECU_ADDRESS;
 use super::force::split_percent;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// A frame is early by at most this and still counts as due \[ns\]: a quarter of the fastest period.
+/// A frame early by at most this counts as due \[ns\]: a quarter of the fastest period.
 const SLACK_NS: u64 = 2_500_000;
 const MS: u64 = 1_000_000;
 
