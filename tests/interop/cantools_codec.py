@@ -18,6 +18,7 @@ import cantools
 
 import e2e_profile5
 import j1939_checksums
+from j1939_codes import codes, is_described, meaning
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "can-dbc"
 CHECKSUMS = ("E2eCrc", "MessageChecksum")
@@ -44,32 +45,6 @@ def load(path):
 
 def is_j1939(message):
     return message.protocol == "j1939"
-
-
-def codes(signal):
-    """Raw values that stand for no value, by our word for them."""
-    choices = signal.choices or {}
-    words = {"error": "error", "not available": "not_available"}
-    return {words[str(text)]: raw for raw, text in choices.items() if str(text) in words}
-
-
-def is_described(signal):
-    """Whether every raw value in use has a name."""
-    return len(signal.choices or {}) > max(1, len(codes(signal)))
-
-
-def meaning(signal, raw):
-    """What J1939 says of a raw value: None, or our word for the code it is."""
-    if "not_available" not in codes(signal):
-        return None
-    whole = signal.length % 8 == 0
-    step = 1 << (signal.length - 8) if whole else 1
-    end = 1 << signal.length
-    if raw >= end - step:
-        return "not_available"
-    scaled = raw * signal.conversion.scale + signal.conversion.offset
-    in_error = raw == codes(signal).get("error") or scaled > signal.maximum + 1e-9
-    return "error" if in_error else None
 
 
 def random_value(signal, dice):

@@ -7,7 +7,8 @@ Needs the Python packages mcap, mcap-ros2-support, mcap-protobuf-support and can
 Checks, in this order: the file has its summary, attachments and metadata; every topic of the
 contract is there and every message decodes with the stock decoders; log times are in order;
 every raw frame of the contract has its decoded message, and each decoded signal equals what
-cantools makes of the raw frame with the attached .dbc. Exits with 1 and one line per finding
+cantools makes of the raw frame with the attached .dbc (platoon.dbc, j1939.dbc or both), and a J1939
+signal that is not available has no value but says so. Exits with 1 and one line per finding
 when something differs, with 2 when the file cannot be read.
 """
 
@@ -21,9 +22,16 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory as Protobuf
 from mcap_ros2.decoder import DecoderFactory as Ros2
 
+from j1939_codes import is_described, meaning
+
 CAN_FRAME_FIELDS = (
     "header id is_extended is_error len data is_fd brs esi is_rtr tx tick".split()
 )
+# What a run of each profile cannot be without.
+MESSAGES = {
+    "platoon.dbc": ("EgoState", "Actuation", "Mission"),
+    "j1939.dbc": ("NavTime", "VDC2", "TSC1", "XBR", "SteerCommand", "MissionPlatoon"),
+}
 FINDINGS_MAX = 20
 
 
@@ -39,16 +47,17 @@ class Check:
         self.pending = {}
         self.thinned = set()
         attachments = {a.name: a for a in reader.iter_attachments()}
-        self.require("platoon.dbc" in attachments, "attachment platoon.dbc is missing")
+        self.dbcs = [name for name in MESSAGES if name in attachments]
+        self.require(self.dbcs, f"none of {', '.join(MESSAGES)} is attached")
         self.require(
             any(name.endswith(".toml") for name in attachments),
             "no scenario (.toml) is attached",
         )
-        self.dbc = cantools.database.load_string(
-            attachments["platoon.dbc"].data.decode() if "platoon.dbc" in attachments else "",
-            "dbc",
-        )
-        self.by_id = {message.frame_id: message for message in self.dbc.messages}
+        self.by_id, self.by_name = {}, {}
+        for name in self.dbcs:
+            text = attachments[name].data.decode()
+            for known in cantools.database.load_string(text, "dbc").messages:
+                self.by_id[known.frame_id] = self.by_name[known.name] = known
 
     def require(self, holds, text):
         if not holds:
@@ -78,7 +87,8 @@ class Check:
         self.frame_fields(channel.topic, frame)
         bus = re.search(r"\d+", channel.topic.split("/")[2])[0]
         known = self.by_id.get(frame.id)
-        if known and frame.is_fd and frame.is_extended and len(frame.data) == known.length:
+        is_kind = known and frame.is_fd == known.is_fd and frame.is_extended
+        if is_kind and len(frame.data) == known.length:
             queue = self.pending.setdefault((bus, known.name), collections.deque())
             queue.append((message.log_time, message.sequence, bytes(frame.data)))
 
@@ -95,30 +105,34 @@ class Check:
             self.findings.append(f"{where}: no raw frame of this time and number")
             return
         data = queue.popleft()[2]
-        dbc_message = self.dbc.get_message_by_name(name)
+        dbc_message = self.by_name[name]
         numbers = dbc_message.decode(data, decode_choices=False)
-        choices = dbc_message.decode(data, decode_choices=True)
+        raws = dbc_message.decode(data, decode_choices=False, scaling=False)
         for signal in dbc_message.signals:
-            self.signal(where, signal, numbers, choices, decoded)
+            self.signal(where, signal, numbers, raws, decoded)
 
-    def signal(self, where, signal, numbers, choices, decoded):
+    def signal(self, where, signal, numbers, raws, decoded):
         field = snake_case(signal.name)
         if signal.multiplexer_ids and signal.name not in numbers:
             self.require(not decoded.HasField(field), f"{where}: {field} is of another page")
             return
         self.compared += 1
-        value = getattr(decoded, field)
-        self.require(
-            value == numbers[signal.name],
-            f"{where}: {field} is {value!r}, cantools says {numbers[signal.name]!r}",
-        )
-        if signal.choices:
-            text = getattr(decoded, field + "_text")
-            known = numbers[signal.name] in signal.choices
-            expected = str(choices[signal.name]) if known else ""
+        code = meaning(signal, raws[signal.name])
+        if code:
+            self.require(not decoded.HasField(field), f"{where}: {field} is a number, not {code}")
+        else:
+            value = getattr(decoded, field)
             self.require(
-                text == expected, f"{where}: {field}_text is {text!r}, not {expected!r}"
+                value == numbers[signal.name],
+                f"{where}: {field} is {value!r}, cantools says {numbers[signal.name]!r}",
             )
+        if signal.choices:
+            only_codes = not is_described(signal) and hasattr(decoded, field + "_status")
+            field += "_status" if only_codes else "_text"
+            text = getattr(decoded, field)
+            known = str(signal.choices.get(raws[signal.name], ""))
+            expected = code.replace("_", " ") if code else known
+            self.require(text == expected, f"{where}: {field} is {text!r}, not {expected!r}")
 
     def finish(self, summary, metadata):
         for key, queue in self.pending.items():
@@ -129,11 +143,9 @@ class Check:
             r"/can/[^/]+/frames",
             r"/ecu\d+/rx",
             r"/ecu\d+/tick",
-            r"/bus\d+/EgoState",
-            r"/bus\d+/Actuation",
-            r"/bus\d+/Mission",
             r"/world/truth",
             r"/scene",
+            *(rf"/bus\d+/{name}" for dbc in self.dbcs for name in MESSAGES[dbc]),
         ):
             found = any(re.fullmatch(pattern, topic) for topic in topics)
             self.require(found, f"no topic like {pattern}")

@@ -1,5 +1,7 @@
-//! Writes a made-up but complete run: every topic, every message of the contract, two kinds of
+//! Writes a made-up but complete run: every topic, every message of both profiles, two kinds of
 //! obstacles. It serves to try viewers and stock readers, and to measure size and speed.
+//!
+//! Of several trucks the last one speaks J1939; its actuators are unknown for half a second.
 //!
 //! ```text
 //! cargo run --release -p traces --example sample_run -- FOLDER [SECONDS] [TRUCKS]
@@ -48,25 +50,24 @@ fn options(seconds: u32) -> MergeOptions {
     let run = run.map(|(key, value)| (key.to_owned(), value.to_owned()));
     MergeOptions {
         attachments: vec![
-            Attachment {
-                name: "platoon.dbc".into(),
-                media_type: "text/plain".into(),
-                data: dbc::DBC.into(),
-            },
-            Attachment {
-                name: "scenario.toml".into(),
-                media_type: "application/toml".into(),
-                data: format!("duration_s = {seconds}\n").into(),
-            },
+            attachment("platoon.dbc", "text/plain", dbc::Profile::Fd.dbc()),
+            attachment("j1939.dbc", "text/plain", dbc::Profile::J1939.dbc()),
+            attachment("scenario.toml", "application/toml", &format!("duration_s = {seconds}\n")),
         ],
         metadata: BTreeMap::from([("run".to_owned(), run.into())]),
     }
+}
+
+fn attachment(name: &str, media_type: &str, text: &str) -> Attachment {
+    Attachment { name: name.into(), media_type: media_type.into(), data: text.into() }
 }
 
 /// Everything that records: the rig and one ECU per truck.
 struct Bench {
     rig: Recorder,
     ecus: Vec<Recorder>,
+    /// What makes the frames of each bus: those of the rig and those of the ECU.
+    voices: Vec<[dbc::Encoder; 2]>,
     noise: Noise,
 }
 
@@ -78,6 +79,7 @@ fn record(folder: &Path, ticks: u32, trucks: u8) -> Result<Vec<PathBuf>, Box<dyn
         ecus: (0..trucks)
             .map(|truck| start(&parts[1 + usize::from(truck)], Source::Ecu(truck)))
             .collect::<Result<_, _>>()?,
+        voices: (0..trucks).map(|truck| voices(truck > 0 && truck + 1 == trucks)).collect(),
         noise: Noise(1),
     };
     for tick in 0..ticks {
@@ -98,6 +100,11 @@ fn record(folder: &Path, ticks: u32, trucks: u8) -> Result<Vec<PathBuf>, Box<dyn
     Ok(parts)
 }
 
+fn voices(speaks_j1939: bool) -> [dbc::Encoder; 2] {
+    let profile = if speaks_j1939 { dbc::Profile::J1939 } else { dbc::Profile::Fd };
+    [dbc::Encoder::new(profile, dbc::Vehicle::default()); 2]
+}
+
 fn start(path: &Path, source: Source) -> Result<Recorder, traces::RecorderError> {
     let options = RecorderOptions {
         start_wall_ns: START_WALL_NS,
@@ -112,20 +119,19 @@ impl Bench {
     /// One truck's traffic and tick.
     fn tick(&mut self, tick: u32, truck: u8) -> Result<(), Box<dyn Error>> {
         let time_ns = u64::from(tick) * TICK_NS;
-        let counter = tick as u8;
         let ego = self.ego(tick, truck);
-        self.rig_sends(truck, tick, ego.encode(counter)?);
+        self.rig_says(truck, tick, &dbc::Message::EgoState(ego))?;
         if tick.is_multiple_of(20) {
             let v2v = self.v2v(tick);
-            self.rig_sends(truck, tick, v2v.encode(counter)?);
+            self.rig_says(truck, tick, &dbc::Message::V2vState(v2v))?;
         }
         if tick.is_multiple_of(50) {
             for page in 0..8 {
-                self.rig_sends(truck, tick, obstacle(tick, page).encode(counter)?);
+                self.rig_says(truck, tick, &dbc::Message::Obstacle(obstacle(tick, page)))?;
             }
         }
         if tick.is_multiple_of(1000) {
-            self.rig_sends(truck, tick, mission(truck).encode(counter)?);
+            self.rig_says(truck, tick, &dbc::Message::Mission(mission(truck)))?;
         }
         let record = self.law(tick, truck, &ego);
         self.ecus[usize::from(truck)].push(record);
@@ -139,13 +145,43 @@ impl Bench {
             steering_rad: record.steering_rad,
             actuation_status: dbc::ActuationStatus::Solved,
         };
-        self.ecu_sends(truck, tick, command.encode(counter)?);
+        self.ecu_says(truck, tick, &dbc::Message::Actuation(command))?;
+        if tick > 500 {
+            let [rig, _] = &mut self.voices[usize::from(truck)];
+            rig.note_actuators(record.force_n, record.steering_rad);
+        }
         if tick.is_multiple_of(20) {
-            self.ecu_sends(truck, tick, v2v_out(tick, &ego).encode(counter)?);
+            self.ecu_says(truck, tick, &dbc::Message::V2vOut(v2v_out(tick, &ego)))?;
         }
         if tick.is_multiple_of(100) {
-            self.ecu_sends(truck, tick, status(tick).encode(counter)?);
+            self.ecu_says(truck, tick, &dbc::Message::EcuStatus(status(tick)))?;
         }
+        Ok(())
+    }
+
+    fn rig_says(
+        &mut self,
+        bus: u8,
+        tick: u32,
+        message: &dbc::Message,
+    ) -> Result<(), dbc::EncodeError> {
+        let [mut voice, _] = self.voices[usize::from(bus)];
+        let mut send = |frame: &dbc::Frame| self.rig_sends(bus, tick, *frame);
+        voice.encode(message, u64::from(tick) * TICK_NS, &mut send)?;
+        self.voices[usize::from(bus)][0] = voice;
+        Ok(())
+    }
+
+    fn ecu_says(
+        &mut self,
+        bus: u8,
+        tick: u32,
+        message: &dbc::Message,
+    ) -> Result<(), dbc::EncodeError> {
+        let [_, mut voice] = self.voices[usize::from(bus)];
+        let mut send = |frame: &dbc::Frame| self.ecu_sends(bus, tick, *frame);
+        voice.encode(message, u64::from(tick) * TICK_NS, &mut send)?;
+        self.voices[usize::from(bus)][1] = voice;
         Ok(())
     }
 
