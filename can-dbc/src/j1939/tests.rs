@@ -129,7 +129,7 @@ fn parameter_groups_are_where_j1939_has_them() {
 
 #[test]
 fn the_last_part_of_a_command_and_of_a_solution_has_the_lowest_priority() {
-    assert!(Tsc1::ID < Xbr::ID && Xbr::ID < SteerCommand::ID);
+    assert!([Tsc1::ID, Xbr::ID, SteerCommand::ID].is_sorted());
     let navigation = [Vdc2::ID, Ccvs1::ID, NavPosition::ID, NavMotion::ID, NavTime::ID];
     assert!(navigation.is_sorted());
 }
