@@ -59,7 +59,8 @@ pub struct NodeCounts {
     pub send_failed: u64,
     /// Messages not sent because a value does not fit its signal.
     pub not_encodable: u64,
-    /// Frames sent whose echo did not come back; recorded with the time they were sent.
+    /// Frames sent whose echo did not come back; recorded, without a kernel's time, when that was
+    /// given up.
     pub unechoed: u64,
     /// Frames of the time before the run that the recording had no room for.
     pub unrecorded: u64,
@@ -153,7 +154,7 @@ impl TruckNode {
 
     fn send_frame(&mut self, frame: &Frame, tap: &mut Tap) {
         if self.bus.send(frame).is_ok() {
-            self.sent(tap.record(self.truck, true, 0, *frame), tap);
+            self.sent(frame, tap);
         } else {
             self.counts.send_failed += 1;
         }
@@ -163,8 +164,8 @@ impl TruckNode {
     /// radio go to `radio`.
     pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&V2vOut)) {
         self.waiting.looked(tap.time_ns);
-        while let Some(record) = self.waiting.overdue() {
-            self.unechoed(record, tap);
+        while let Some(frame) = self.waiting.overdue() {
+            self.unechoed(frame, tap);
         }
         let (mut heard, mut echoed) = (0, 0);
         while heard < DRAIN_MAX && echoed < DRAIN_MAX {
@@ -196,8 +197,8 @@ impl TruckNode {
 
     /// Records the frames whose echo has not come, at the end of a run.
     pub(crate) fn give_up_waiting(&mut self, tap: &mut Tap) {
-        while let Some(record) = self.waiting.given_up() {
-            self.unechoed(record, tap);
+        while let Some(frame) = self.waiting.given_up() {
+            self.unechoed(frame, tap);
         }
     }
 
@@ -210,10 +211,10 @@ impl TruckNode {
     }
 
     /// A frame was sent: it is recorded now, or when its echo comes.
-    fn sent(&mut self, record: FrameRecord, tap: &mut Tap) {
+    fn sent(&mut self, frame: &Frame, tap: &mut Tap) {
         if !self.bus.echoes() {
-            self.record(record, tap);
-        } else if let Some(oldest) = self.waiting.sent(record) {
+            self.record(tap.record(self.truck, true, 0, *frame), tap);
+        } else if let Some(oldest) = self.waiting.sent(*frame) {
             self.unechoed(oldest, tap);
         }
     }
@@ -225,9 +226,9 @@ impl TruckNode {
         }
     }
 
-    fn unechoed(&mut self, record: FrameRecord, tap: &mut Tap) {
+    fn unechoed(&mut self, frame: Frame, tap: &mut Tap) {
         self.counts.unechoed += 1;
-        self.record(record, tap);
+        self.record(tap.record(self.truck, true, 0, frame), tap);
     }
 
     fn record(&mut self, record: FrameRecord, tap: &mut Tap) {

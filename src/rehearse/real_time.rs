@@ -11,7 +11,7 @@ use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{ChildStdout, Command};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
-use tokio::time::{Instant, sleep, sleep_until};
+use tokio::time::{Instant, sleep, sleep_until, timeout};
 use vcan_setup::floor::{FloorOptions, Sentinel};
 use vcan_setup::realtime::environment;
 
@@ -167,35 +167,52 @@ async fn supervise(
     bus: &BusChoice,
     line: &ProgressLine,
 ) -> Result<Outcome, Failure> {
+    let signals = Signals::listen()?;
     let mut crew = Crew::new();
     let cpus = environment().online_cpus;
-    for truck in separate_ecus(plan) {
-        let arguments = ecu_arguments(plan, folder, bus, truck, cpu_of_ecu(&cpus, truck));
-        crew.start(folder, (process::ecu_name(truck), Some(truck)), &arguments)?;
-    }
     let arguments = rig_arguments(plan, folder, bus, cpus.first().copied());
     let output = crew.start(folder, (process::rig_name(), None), &arguments)?;
-    let lines = output.map(|output| BufReader::new(output).lines());
+    let mut lines = output.map(|output| BufReader::new(output).lines());
+    // The rig says its first word when it hears its buses. It records them, so no ECU may speak
+    // earlier, and none needs to start when the rig does not.
+    let first_word = timeout(GRACE, next_line(&mut lines)).await;
+    if !matches!(first_word, Ok(None)) {
+        for truck in separate_ecus(plan) {
+            let arguments = ecu_arguments(plan, folder, bus, truck, cpu_of_ecu(&cpus, truck));
+            crew.start(folder, (process::ecu_name(truck), Some(truck)), &arguments)?;
+        }
+    }
     let mut outcome = Outcome::default();
-    follow(plan, &mut crew, lines, line, &mut outcome).await?;
+    follow(plan, &mut crew, (signals, lines), line, &mut outcome).await;
     collect(plan, folder, &mut outcome)?;
     Ok(outcome)
+}
+
+/// What asks this process to end.
+struct Signals {
+    interrupt: tokio::signal::unix::Signal,
+    terminate: tokio::signal::unix::Signal,
+}
+
+impl Signals {
+    fn listen() -> Result<Self, Failure> {
+        let listen = |kind| {
+            signal(kind)
+                .map_err(|error| Failure::cannot_start(format!("cannot catch signals: {error}")))
+        };
+        let (interrupt, terminate) = (SignalKind::interrupt(), SignalKind::terminate());
+        Ok(Self { interrupt: listen(interrupt)?, terminate: listen(terminate)? })
+    }
 }
 
 /// Watches until every process has ended.
 async fn follow(
     plan: &Plan<'_>,
     crew: &mut Crew,
-    mut lines: Option<Lines<BufReader<ChildStdout>>>,
+    (mut signals, mut lines): (Signals, Option<Lines<BufReader<ChildStdout>>>),
     line: &ProgressLine,
     outcome: &mut Outcome,
-) -> Result<(), Failure> {
-    let listen = |kind| {
-        signal(kind)
-            .map_err(|error| Failure::cannot_start(format!("cannot catch signals: {error}")))
-    };
-    let (mut interrupt, mut terminate) =
-        (listen(SignalKind::interrupt())?, listen(SignalKind::terminate())?);
+) {
     let mut deadline: Option<Instant> = None;
     let mut armed = vec![false; plan.args.fault.len()];
     while crew.anyone_left() {
@@ -217,8 +234,8 @@ async fn follow(
                     deadline = Some(Instant::now() + GRACE);
                 }
             }
-            _ = interrupt.recv() => interrupted(crew, outcome, &mut deadline),
-            _ = terminate.recv() => interrupted(crew, outcome, &mut deadline),
+            _ = signals.interrupt.recv() => interrupted(crew, outcome, &mut deadline),
+            _ = signals.terminate.recv() => interrupted(crew, outcome, &mut deadline),
             () = until(deadline) => {
                 for member in crew.members.iter().filter(|m| m.running) {
                     let name = &member.name;
@@ -229,7 +246,6 @@ async fn follow(
             }
         }
     }
-    Ok(())
 }
 
 /// Asks the rig to end; it tells the ECUs.

@@ -4,16 +4,20 @@
 
 Needs the Python packages of requirements.txt, and a route for multicast as python-can does. Starts
 a short rehearsal over UDP and, while it runs, joins truck 1's bus as python-can's `udp_multicast`
-and truck 2's as its `socketcand`. On both, every frame that comes must be of the contract and
-decode with cantools, and one frame of a stranger is sent. Afterwards the run must be unharmed: the
-frames of the stranger are in the trace, rig and ECU have counted each as unknown, and nothing else
-is wrong. Exits with 1 and says what did not hold.
+and truck 2's as its `socketcand`, found by its beacon. On both, every frame that comes must be of
+the contract and decode with cantools, and one frame of a stranger is sent. cantools' monitor joins
+truck 3's bus in a terminal of its own and must show its messages. Afterwards the run must be
+unharmed: the frames of the stranger are in the trace, rig and ECU have counted each as unknown, and
+nothing else is wrong. Exits with 1 and says what did not hold.
 """
 
 import json
 import logging
+import os
 import pathlib
+import pty
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -25,7 +29,7 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 DBC = pathlib.Path(__file__).resolve().parents[2] / "can-dbc" / "platoon.dbc"
-DURATION_S = 8
+DURATION_S = 20
 PATIENCE_S = 60.0
 FRAMES = 400
 STRANGER = {1: (0x123, b"\x01\x02"), 2: (0x1ABCDEF0, bytes(range(64)))}
@@ -43,7 +47,8 @@ class Run:
 
     def __init__(self, program, folder):
         self.folder = folder
-        words = f"rehearse --bus udp --socketcand 0 --rate-hz 100 --duration-s {DURATION_S} --out"
+        words = "rehearse --bus udp --socketcand 0 --socketcand-beacon --rate-hz 100"
+        words += f" --duration-s {DURATION_S} --out"
         self.process = subprocess.Popen(
             [program, *words.split(), folder / "run"],
             stdout=subprocess.DEVNULL,
@@ -68,6 +73,13 @@ class Run:
                     return int(words[words.index("--port") + 1])
             time.sleep(0.05)
         sys.exit("no process of the run names its UDP port")
+
+    def beacon(self):
+        """What python-can finds by the gateway's beacon."""
+        found = can.detect_available_configs(interfaces=["socketcand"])
+        places = {(place["host"], place["port"], place["channel"]) for place in found}
+        expected = {(*self.gateway, f"truck{truck}") for truck in range(4)}
+        require(places == expected, f"the beacon says {found}")
 
     def finish(self):
         _, words = self.process.communicate(timeout=PATIENCE_S + DURATION_S)
@@ -100,6 +112,43 @@ def listen_and_send(bus, database, stranger):
             )
     require({"EgoState", "Actuation", "EcuStatus"} <= seen.keys(), f"saw only {seen}")
     return seen
+
+
+class Monitor:
+    """cantools' monitor in a terminal of its own."""
+
+    def __init__(self, port):
+        words = f"-m cantools monitor -i udp_multicast -c 239.74.163.5 --bus-kwargs port={port} --fd"
+        self.terminal, end = pty.openpty()
+        self.process = subprocess.Popen(
+            [sys.executable, *words.split(), str(DBC)],
+            stdin=end,
+            stdout=end,
+            stderr=end,
+            env={**os.environ, "TERM": "xterm", "LINES": "60", "COLUMNS": "200"},
+        )
+        os.close(end)
+        os.set_blocking(self.terminal, False)
+        self.drawn = b""
+
+    def look(self):
+        try:
+            self.drawn += os.read(self.terminal, 1 << 20)
+        except (BlockingIOError, OSError):
+            pass
+
+    def finish(self):
+        deadline = time.monotonic() + PATIENCE_S
+        names = [b"EgoState(", b"Actuation(", b"V2vOut("]
+        while not all(name in self.drawn for name in names) and time.monotonic() < deadline:
+            self.look()
+            time.sleep(0.05)
+        self.process.send_signal(signal.SIGTERM)
+        self.process.wait(timeout=PATIENCE_S)
+        os.close(self.terminal)
+        missing = [name.decode() for name in names if name not in self.drawn]
+        require(not missing, f"cantools monitor did not show {missing}: {self.drawn[-500:]}")
+        require(b"arning" not in self.drawn, f"cantools monitor warns: {self.drawn[:500]}")
 
 
 def strangers_in(trace):
@@ -140,6 +189,8 @@ def main(program):
         folder = pathlib.Path(folder)
         run = Run(program, folder)
         try:
+            monitor = Monitor(run.udp_port())
+            run.beacon()
             udp = {"interface": "udp_multicast", "channel": "239.74.163.3", "port": run.udp_port()}
             host, port = run.gateway
             tcp = {"interface": "socketcand", "channel": "truck2", "host": host, "port": port}
@@ -147,6 +198,8 @@ def main(program):
                 with can.Bus(**place) as bus:
                     seen = listen_and_send(bus, database, STRANGER[truck])
                 print(f"python-can {can.__version__} as {place['interface']}: saw {seen}, sent 1")
+            monitor.finish()
+            print("cantools monitor: shows the messages of truck 3's bus")
             summary = run.finish()
         finally:
             run.process.kill()

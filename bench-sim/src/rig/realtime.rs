@@ -21,8 +21,8 @@ const CYCLE_NS: u64 = 100_000_000;
 const LOOK_NS: u64 = 5_000_000;
 /// Time between the three farewells, and between looks at what is said after them \[ns\].
 const FAREWELL_NS: u64 = 10_000_000;
-/// Most looks after the farewells.
-const LAST_LOOKS_MAX: u32 = 20;
+/// Most looks after the farewells: two seconds, for an ECU that the machine keeps waiting.
+const LAST_LOOKS_MAX: u32 = 200;
 /// How long ECUs may take to get ready, unless told otherwise \[ns\].
 const READY_TIMEOUT_NS: u64 = 10_000_000_000;
 
