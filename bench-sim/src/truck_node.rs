@@ -10,8 +10,8 @@ mod tap;
 mod tests;
 
 use platoon_dbc::{
-    Bus, Decoder, EcuMode, Encoder, Frame, Heard, Message, Profile, Received, Refusal, V2vOut,
-    Vehicle,
+    Bus, CommandGrain, Decoder, EcuMode, Encoder, Frame, Heard, Message, Profile, Received,
+    Refusal, V2vOut, Vehicle,
 };
 use serde::{Deserialize, Serialize};
 use traces::FrameRecord;
@@ -73,6 +73,7 @@ pub(crate) struct TruckNode {
     waiting: Waiting,
     encoder: Encoder,
     decoder: Decoder,
+    grain: CommandGrain,
     /// Whether an ECU is at the other end. A scripted truck has none, and its bus is silent.
     pub(crate) has_ecu: bool,
     /// The command this truck obeys.
@@ -93,7 +94,8 @@ impl TruckNode {
             encoder: Encoder::new(profile, vehicle),
             decoder: Decoder::new(profile, vehicle),
             has_ecu: true,
-            watch: CommandWatch::new(tick_period_ns),
+            watch: CommandWatch::new(tick_period_ns, profile.command_grain(&vehicle)),
+            grain: profile.command_grain(&vehicle),
             ecu_mode: None,
             counts: NodeCounts::default(),
         }
@@ -103,6 +105,7 @@ impl TruckNode {
     pub(crate) fn speak(&mut self, profile: Profile, vehicle: Vehicle) {
         self.encoder = Encoder::new(profile, vehicle);
         self.decoder = Decoder::new(profile, vehicle);
+        self.grain = profile.command_grain(&vehicle);
     }
 
     /// The bus of this truck.
@@ -114,7 +117,7 @@ impl TruckNode {
     pub(crate) fn begin(&mut self, tick_period_ns: u64) {
         let unrecorded = self.counts.unrecorded;
         self.counts = NodeCounts { unrecorded, ..NodeCounts::default() };
-        self.watch = CommandWatch::new(tick_period_ns);
+        self.watch = CommandWatch::new(tick_period_ns, self.grain);
         self.bus.begin();
     }
 

@@ -57,7 +57,9 @@ pub use catalogue::{
 pub use codec::{DecodeError, EncodeError};
 pub use frame::{Frame, FrameError, FrameFlags};
 pub use messages::*;
-pub use profile::{Decoder, Encoder, Heard, Profile, Refusal, UnknownProfile, Vehicle};
+pub use profile::{
+    CommandGrain, Decoder, Encoder, Heard, Profile, Refusal, UnknownProfile, Vehicle,
+};
 pub use protection::Protection;
 pub use reading::Reading;
 pub use time::Clock;

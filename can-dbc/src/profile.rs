@@ -79,6 +79,14 @@ impl Profile {
         }
     }
 
+    /// How coarse the commands to this truck are on a bus of the profile.
+    pub fn command_grain(self, vehicle: &Vehicle) -> CommandGrain {
+        match self {
+            Self::Fd => CommandGrain { force_n: 0.1, steering_rad: 1e-6, force_hold_ns: 0 },
+            Self::J1939 => j1939::command_grain(vehicle),
+        }
+    }
+
     /// Highest rate of the control loop that the profile can carry, Hz.
     pub const fn loop_rate_max_hz(self) -> u32 {
         match self {
@@ -122,6 +130,18 @@ impl Default for Vehicle {
     fn default() -> Self {
         Self { mass_kg: 5760.0, full_torque_force_n: 20_000.0, steering_ratio: 20.0 }
     }
+}
+
+/// How coarse commands are by the time they have crossed a bus: what a judge of them must allow for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CommandGrain {
+    /// Resolution of the force, N.
+    pub force_n: f64,
+    /// Resolution of the steering angle, rad.
+    pub steering_rad: f64,
+    /// Longest time from one update of the force to the next that the profile's rates impose, ns;
+    /// 0 when every command carries it.
+    pub force_hold_ns: u64,
 }
 
 /// Turns messages into frames. Holds alive counters and the rates of the profile.

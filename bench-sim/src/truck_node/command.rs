@@ -13,7 +13,7 @@
 //! whole machine pauses, rig and ECU pause together and nobody is declared dead. A wake-up that has
 //! to catch up counts for at most 10 ms.
 
-use platoon_dbc::Actuation;
+use platoon_dbc::{Actuation, CommandGrain};
 
 use super::NodeCounts;
 use crate::truck::{Command, Truck};
@@ -33,11 +33,6 @@ const FORCE_MIN_N: f64 = -34_000.0;
 const FORCE_MAX_N: f64 = 20_000.0;
 /// Furthest the road wheels turn, 10 degrees \[rad\].
 const STEER_MAX_RAD: f64 = 0.174_532_925_199_432_95;
-
-/// Resolution of the force on the bus \[N\].
-const FORCE_LSB_N: f64 = 0.1;
-/// Resolution of the steering angle on the bus \[rad\].
-const STEER_LSB_RAD: f64 = 1e-6;
 
 /// Where the truck's commands come from now.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,9 +59,12 @@ pub(crate) struct CommandRange {
 #[derive(Debug, Clone)]
 pub(crate) struct CommandWatch {
     tick_period_s: f64,
+    grain: CommandGrain,
     newest: Command,
     /// Tick answered by the newest command and tick at which it came.
     answered: Option<(u32, u32)>,
+    /// Tick answered when the force last changed.
+    force_changed_tick: u32,
     age_ns: u64,
     mode: Mode,
     range: CommandRange,
@@ -74,9 +72,13 @@ pub(crate) struct CommandWatch {
 
 impl CommandWatch {
     /// A watch that has seen nothing; its first command is due within the time limit.
-    pub(crate) fn new(tick_period_ns: u64) -> Self {
+    ///
+    /// `grain` is how coarse commands are on this bus.
+    pub(crate) fn new(tick_period_ns: u64, grain: CommandGrain) -> Self {
         Self {
             tick_period_s: tick_period_ns as f64 * 1e-9,
+            grain,
+            force_changed_tick: 0,
             newest: Command::default(),
             answered: None,
             age_ns: 0,
@@ -103,8 +105,8 @@ impl CommandWatch {
             force_n: asked.force_n.clamp(FORCE_MIN_N, FORCE_MAX_N),
             steer_rad: asked.steer_rad.clamp(-STEER_MAX_RAD, STEER_MAX_RAD),
         };
-        let clipped = (asked.force_n - self.newest.force_n).abs() > FORCE_LSB_N
-            || (asked.steer_rad - self.newest.steer_rad).abs() > STEER_LSB_RAD;
+        let clipped = (asked.force_n - self.newest.force_n).abs() > self.grain.force_n
+            || (asked.steer_rad - self.newest.steer_rad).abs() > self.grain.steering_rad;
         counts.out_of_range += u64::from(clipped);
         counts.accepted += 1;
         self.answered = Some((message.answers_tick, tick));
@@ -153,7 +155,8 @@ impl CommandWatch {
     /// The time between two commands is that between the ticks they answer or between the ticks
     /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. After a
     /// pause the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
-    /// answer a state that is a tick old; so a late or skipping answer is given one tick more.
+    /// answer a state that is a tick old; so a late or skipping answer is given one tick more. Where
+    /// the bus carries the force less often than commands, a change has had as long as it was held.
     fn measure(&mut self, asked: &Command, answers: u32, tick: u32) {
         let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
         self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
@@ -165,9 +168,16 @@ impl CommandWatch {
         let uncertain = u32::from(ticks > 1 || answers < tick);
         let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
-        let rate = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0) / span_s;
-        let force = rate(asked.force_n - self.newest.force_n, FORCE_LSB_N);
-        let steer = rate(asked.steer_rad - self.newest.steer_rad, STEER_LSB_RAD);
+        let beyond = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0);
+        let held_s = f64::from(answers - self.force_changed_tick) * self.tick_period_s;
+        let hold_s = self.grain.force_hold_ns as f64 * 1e-9;
+        let force = beyond(asked.force_n - self.newest.force_n, self.grain.force_n)
+            / span_s.max(held_s.min(hold_s));
+        let steer =
+            beyond(asked.steer_rad - self.newest.steer_rad, self.grain.steering_rad) / span_s;
+        if asked.force_n != self.newest.force_n {
+            self.force_changed_tick = answers;
+        }
         self.range.force_rate_nps = self.range.force_rate_nps.max(force);
         self.range.steer_rate_radps = self.range.steer_rate_radps.max(steer);
     }
@@ -180,6 +190,7 @@ mod tests {
     use platoon_dbc::ActuationStatus;
 
     const MS: u64 = 1_000_000;
+    const FD: CommandGrain = CommandGrain { force_n: 0.1, steering_rad: 1e-6, force_hold_ns: 0 };
 
     fn actuation(answers_tick: u32, force_n: f64, steering_rad: f64) -> Actuation {
         let actuation_status = ActuationStatus::Solved;
@@ -188,7 +199,7 @@ mod tests {
 
     #[test]
     fn a_command_is_lost_exactly_at_a_hundred_milliseconds() {
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         watch.accept(&actuation(0, 100.0, 0.0), 0, &mut NodeCounts::default());
         assert_eq!((1..=200).find(|_| watch.age(MS)), Some(100));
         assert_eq!((0..200).find(|_| watch.age(MS)), None, "noticed twice");
@@ -196,7 +207,7 @@ mod tests {
 
     #[test]
     fn a_pause_of_the_whole_machine_is_no_dead_ecu() {
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         assert!(!watch.age(3_000 * MS));
         assert!(!watch.age(500 * MS));
     }
@@ -204,7 +215,7 @@ mod tests {
     #[test]
     fn without_commands_the_truck_straightens_coasts_and_stops_at_four() {
         let mut truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         watch.accept(&actuation(0, 5_000.0, 0.05), 0, &mut NodeCounts::default());
         let (mut braking_from, mut stopped_at) = (None, None);
         let mut decel_mps2 = 0.0;
@@ -235,7 +246,7 @@ mod tests {
     fn a_coasting_truck_listens_again_and_a_stopping_one_does_not() {
         let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
         let mut counts = NodeCounts::default();
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         let silence = |watch: &mut CommandWatch| (0..10).any(|_| watch.age(10 * MS));
         assert!(silence(&mut watch));
         assert_eq!(watch.command(&truck, MS), Command::default());
@@ -254,7 +265,7 @@ mod tests {
     fn commands_outside_the_actuators_are_clipped_counted_and_remembered() {
         let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
         let mut counts = NodeCounts::default();
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         watch.accept(&actuation(0, -50_000.0, 0.3), 0, &mut counts);
         let obeyed = watch.command(&truck, MS);
         assert_eq!((obeyed.force_n, obeyed.steer_rad), (FORCE_MIN_N, STEER_MAX_RAD));
@@ -267,7 +278,7 @@ mod tests {
     #[test]
     fn rates_are_measured_over_the_ticks_between_commands() {
         let mut counts = NodeCounts::default();
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         for (answers, tick, force_n) in [(1, 1, 0.0), (2, 2, 57.6), (4, 4, 172.8), (4, 6, 288.0)] {
             watch.accept(&actuation(answers, force_n, 0.0), tick, &mut counts);
         }
@@ -279,7 +290,7 @@ mod tests {
     #[test]
     fn a_pause_of_the_machine_does_not_look_like_a_fast_actuator() {
         // Thirteen ticks passed in the ECU, which answers the state of the twelfth.
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         watch.accept(&actuation(1, 0.0, 0.0), 1, &mut NodeCounts::default());
         watch.accept(&actuation(13, 13.0 * 57.6, 0.0), 13, &mut NodeCounts::default());
         assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
@@ -287,7 +298,7 @@ mod tests {
 
     #[test]
     fn a_command_at_its_rate_limit_passes_after_rounding_on_the_bus() {
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         for tick in 0..2_000 {
             let (force_n, steering_rad) =
                 (57.6 * f64::from(tick % 300), 3e-4 * f64::from(tick % 300));
@@ -306,10 +317,28 @@ mod tests {
     #[test]
     fn answers_out_of_order_or_from_the_future_are_refused() {
         let mut counts = NodeCounts::default();
-        let mut watch = CommandWatch::new(MS);
+        let mut watch = CommandWatch::new(MS, FD);
         watch.accept(&actuation(5, 1.0, 0.0), 5, &mut counts);
         watch.accept(&actuation(4, 2.0, 0.0), 5, &mut counts);
         watch.accept(&actuation(7, 3.0, 0.0), 6, &mut counts);
         assert_eq!((counts.accepted, counts.out_of_order), (1, 2));
+    }
+
+    #[test]
+    fn a_force_that_the_bus_carries_every_other_tick_has_had_two_ticks_to_change() {
+        let coarse = CommandGrain { force_n: 25.0, steering_rad: 1e-5, force_hold_ns: 20 * MS };
+        let rate = |grain: CommandGrain, forces: &[f64]| {
+            let mut watch = CommandWatch::new(10 * MS, grain);
+            for (tick, force_n) in (0..).zip(forces) {
+                watch.accept(&actuation(tick, *force_n, 0.0), tick, &mut NodeCounts::default());
+            }
+            watch.range().force_rate_nps
+        };
+        let stairs = [0.0, 0.0, -1152.0, -1152.0, -2304.0, -2304.0];
+        assert!((rate(coarse, &stairs) - (1152.0 - 25.0) / 0.02).abs() < 1.0);
+        assert!(rate(FD, &stairs) > 115_000.0);
+        // Two jumps in a row, and one after a long hold, are still too fast.
+        assert!(rate(coarse, &[0.0, 0.0, -1152.0, -2304.0]) > 100_000.0);
+        assert!(rate(coarse, &[0.0, 0.0, 0.0, 0.0, 0.0, -2304.0]) > 100_000.0);
     }
 }

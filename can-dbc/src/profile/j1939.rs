@@ -33,16 +33,34 @@ mod speed;
 #[cfg(test)]
 mod tests;
 
+use super::{CommandGrain, Vehicle};
+use crate::j1939::Xbr;
+
 pub(crate) use decoder::Decoder;
 pub(crate) use encoder::Encoder;
 
 /// Source address of the controller.
 const ECU_ADDRESS: u8 = 0x2A;
+/// Resolution of XBR's demand, SPN 2920 \[m/s²\].
+const DEMAND_STEP_MPS2: f64 = 1.0 / 2048.0;
+/// Resolution of the angle in `SteerCommand` \[rad\].
+const STEERING_STEP_RAD: f64 = 1e-5;
 const NS_PER_S: f64 = 1e9;
 /// `Obstacle::member` of what is no platoon truck.
 const NO_MEMBER: u8 = 255;
 /// What `SteerCommand` tells of the counter of XBR.
 const BRAKE_COUNTER_MASK: u8 = 3;
+
+/// How coarse commands are: steps of the torque or of the deceleration, whichever is coarser, and of
+/// `SteerCommand`; and XBR comes less often than the others.
+pub(crate) fn command_grain(vehicle: &Vehicle) -> CommandGrain {
+    let torque_n = vehicle.full_torque_force_n / 100.0 / force::STEPS_PER_PERCENT;
+    CommandGrain {
+        force_n: torque_n.max(vehicle.mass_kg * DEMAND_STEP_MPS2),
+        steering_rad: STEERING_STEP_RAD,
+        force_hold_ns: u64::from(Xbr::CYCLE_TIME_MS) * 1_000_000,
+    }
+}
 
 /// The data of a frame of the profile, all of which have eight bytes.
 fn bytes(frame: &crate::Frame) -> [u8; 8] {

@@ -5,7 +5,7 @@ use crate::profile::Vehicle;
 use crate::reading::Reading;
 
 /// Steps of the torque in a percent: SPN 518 counts percents, SPN 4191 eighths of one.
-const STEPS_PER_PERCENT: f64 = 8.0;
+pub(super) const STEPS_PER_PERCENT: f64 = 8.0;
 
 /// A torque in whole percents and the rest, which is never negative.
 pub(super) fn split_percent(torque_percent: f64) -> (f64, f64) {
