@@ -1,5 +1,6 @@
 //! `platoon rehearse`: rig and ECUs together, judged at the end.
 
+mod profile_cost;
 mod real_time;
 mod trace;
 mod virtual_time;
@@ -25,6 +26,8 @@ use crate::gateway::Gateway;
 use crate::process;
 use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
+
+pub use profile_cost::{ProfileCost, TruckCost};
 
 /// A rehearsal that is ready to run: everything is checked, nothing is written yet.
 struct Plan<'a> {
@@ -164,6 +167,11 @@ impl<'a> Plan<'a> {
             }
             Err(why) => outcome.notes.push(why),
         }
+        let ran = outcome.results.as_ref().map_or(&[][..], |results| &results.trucks);
+        let cost = profile_cost::measure(self, folder, ran).unwrap_or_else(|why| {
+            outcome.notes.push(format!("the cost of the profile is not known: {why}"));
+            None
+        });
         let mut summary = Summary::new(Ingredients {
             scenario: &self.scenario,
             seed: self.args.run.seed,
@@ -176,6 +184,7 @@ impl<'a> Plan<'a> {
             bus: (bus.backend().into(), bus.reason.clone(), bus.interfaces(self.trucks())),
             profile: self.args.run.profile,
             bus_timing: self.args.run.bus_timing,
+            profile_cost: cost,
             elapsed_s,
             notes: outcome.notes,
             interrupted: outcome.interrupted,

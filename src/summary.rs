@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use vcan_setup::floor::Floor;
 
 use crate::cli::BusTimingKind;
+use crate::rehearse::ProfileCost;
 use crate::timing::{Share, TimingVerdict, judge};
 
 pub use bus::{BusSummary, Observed};
@@ -52,6 +53,9 @@ pub struct Summary {
     pub rig_pace: Option<RunReport>,
     /// The V2V channel, measured from the messages delivered.
     pub v2v: ChannelReport,
+    /// What the profile's rates and resolutions cost; none on CAN FD.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile_cost: Option<ProfileCost>,
     /// The scenario's criteria.
     pub criteria: Vec<Criterion>,
     /// What happened that was not asked for.
@@ -120,6 +124,8 @@ pub struct Ingredients<'a> {
     pub profile: Profile,
     /// Whether frames took their time.
     pub bus_timing: BusTimingKind,
+    /// What the profile cost against CAN FD.
+    pub profile_cost: Option<ProfileCost>,
     /// How long the run took \[s\].
     pub elapsed_s: f64,
     /// What happened that was not asked for.
@@ -167,6 +173,7 @@ impl Summary {
             nodes: results.nodes,
             rig_pace: run.rig_pace,
             v2v: results.v2v,
+            profile_cost: run.profile_cost,
             criteria,
             notes,
             environment: run.environment,

@@ -4,12 +4,13 @@
 //! On emulated ones it ticks half a period later, as in real time, with what has arrived by then;
 //! its own frames take their time too. Thinking takes no time in either.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bench_sim::Rig;
+use bench_sim::{Results, Rig};
 use controller_rt::{Config, Ecu, Slot};
-use platoon_dbc::{Bus, Clock, EcuMode, Emulated, Loopback};
-use traces::{Overflow, Source};
+use platoon_dbc::{Bus, Clock, EcuMode, Emulated, Loopback, Profile};
+use traces::{Overflow, Recorder, Source, TruthRecord};
 
 use super::{Outcome, Plan};
 use crate::bench::{LOOPBACK_FRAMES, recording_loss};
@@ -29,119 +30,193 @@ const TICKS_PER_LOOK: u32 = 64;
 /// # Errors
 /// When the run cannot start.
 pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failure> {
-    let stop = process::stop_flag()?;
-    let clock = HostClock::default();
-    let (mut rig, mut ecus) = assemble(plan, folder)?;
-    rig.invite();
-    for ecu in ecus.iter_mut().flatten() {
-        ecu.prepare(&clock);
-    }
-    if !rig.ready() {
-        return Err(Failure::cannot_start("an ECU did not answer its invitation on loopback"));
-    }
-    rig.start();
-    for ecu in ecus.iter_mut().flatten() {
-        ecu.prepare(&clock);
-    }
-    let interrupted = alternate(plan, &mut rig, &mut ecus, &clock, &stop);
-    rig.end();
-    let mut outcome = Outcome { interrupted, results: Some(rig.results()), ..Outcome::default() };
-    for mut ecu in ecus.into_iter().flatten() {
-        ecu.prepare(&clock);
-        outcome.ecus.push(ecu.finish(&clock));
-    }
-    // Their last words belong to the recording.
-    rig.listen();
-    outcome.notes.extend(rig.take_recorder().and_then(recording_loss));
+    let mut bench = Bench::assemble(plan, &Setting::of(plan, folder))?;
+    bench.begin()?;
+    let interrupted = bench.alternate(plan, &plan.args.fault, &mut |_| ());
+    let mut outcome = bench.end();
+    outcome.interrupted = interrupted;
     outcome.notes.extend(interrupted.then(|| "interrupted".to_owned()));
     outcome.notes.extend(plan.args.fault.iter().map(|fault| format!("fault injected: {fault}")));
     Ok(outcome)
 }
 
-/// Rig and ECUs, one place per truck, joined by loopback buses.
-fn assemble(plan: &Plan<'_>, folder: &RunFolder) -> Result<(Rig, Vec<Option<Ecu>>), Failure> {
-    let mut ends: Vec<Box<dyn Bus>> = Vec::new();
-    let mut ecus = Vec::new();
-    for truck in 0..plan.trucks() as u8 {
-        let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
-        ends.push(if plan.is_emulated() {
-            let timing = plan.args.run.profile.timing();
-            Box::new(Emulated::new(rig_end, timing).stamping_bench_time())
-        } else {
-            Box::new(rig_end)
-        });
-        if !plan.scenario.has_ecu(usize::from(truck)) {
-            ecus.push(None);
-            continue;
-        }
-        let source = Source::Ecu(truck);
-        let interfaces = vec![ecu_end.name().to_owned()];
-        let recorder = process::recorder(folder, source, Overflow::Wait, interfaces)?;
-        let law = calibration::controller(plan.calibration, &plan.args.law_options);
-        let config = Config {
-            truck,
-            profile: plan.args.run.profile,
-            vehicle: calibration::vehicle(&plan.calibration),
-            ..Config::default()
-        };
-        ecus.push(Some(Ecu::new(config, Box::new(ecu_end), law, Some(recorder))));
-    }
-    let names = process::bus_names(&ends);
-    let recorder = process::recorder(folder, Source::Rig, Overflow::Wait, names)?;
-    let run = &plan.args.run;
-    let rig = Rig::new(&plan.scenario, run.seed, plan.rate_hz, ends, Some(recorder))
-        .map_err(Failure::usage)?;
-    Ok((rig.speaking(run.profile), ecus))
+/// A run that nobody recorded.
+pub(super) struct Twin {
+    /// What it came to.
+    pub(super) results: Results,
+    /// The world at every tick.
+    pub(super) truth: Vec<TruthRecord>,
 }
 
-/// Tick by tick until the scenario ends; true when somebody interrupted it.
-fn alternate(
-    plan: &Plan<'_>,
-    rig: &mut Rig,
-    ecus: &mut [Option<Ecu>],
-    clock: &dyn Clock,
-    stop: &AtomicBool,
-) -> bool {
-    let line = ProgressLine::new(plan.scenario.duration_s);
-    let period_ns = rig.base_step_ns() * rig.steps_per_tick();
-    let mut interrupted = false;
-    while !rig.finished() && !interrupted {
-        let tick = rig.tick();
-        let time_ns = rig.time_ns();
-        let time_s = time_ns as f64 * 1e-9;
-        let middle_ns = time_ns + period_ns / 2;
-        let steps_before = if plan.is_emulated() { rig.steps_per_tick() / 2 } else { 0 };
+/// Runs the plan on CAN FD with ideal buses and without faults.
+///
+/// # Errors
+/// When the run cannot start.
+pub(super) fn twin(plan: &Plan<'_>) -> Result<Twin, Failure> {
+    let setting = Setting { folder: None, profile: Profile::Fd, is_emulated: false };
+    let mut bench = Bench::assemble(plan, &setting)?;
+    bench.begin()?;
+    let mut truth = Vec::new();
+    bench.alternate(plan, &[], &mut |rig| truth.push(rig.truth()));
+    Ok(Twin { results: bench.rig.results(), truth })
+}
+
+/// In what a run may differ from the plan.
+struct Setting<'a> {
+    /// Where to record, if anywhere.
+    folder: Option<&'a RunFolder>,
+    profile: Profile,
+    is_emulated: bool,
+}
+
+impl<'a> Setting<'a> {
+    fn of(plan: &Plan<'_>, folder: &'a RunFolder) -> Self {
+        let (profile, is_emulated) = (plan.args.run.profile, plan.is_emulated());
+        Self { folder: Some(folder), profile, is_emulated }
+    }
+
+    fn recorder(&self, source: Source, buses: Vec<String>) -> Result<Option<Recorder>, Failure> {
+        let record = |folder| process::recorder(folder, source, Overflow::Wait, buses);
+        self.folder.map(record).transpose()
+    }
+}
+
+/// Rig and ECUs, joined by loopback buses.
+struct Bench {
+    rig: Rig,
+    /// One place per truck; empty for a scripted one, and once its ECU is dead.
+    ecus: Vec<Option<Ecu>>,
+    is_emulated: bool,
+    clock: HostClock,
+    stop: Arc<AtomicBool>,
+}
+
+impl Bench {
+    fn assemble(plan: &Plan<'_>, setting: &Setting<'_>) -> Result<Self, Failure> {
+        let mut ends: Vec<Box<dyn Bus>> = Vec::new();
+        let mut ecus = Vec::new();
+        for truck in 0..plan.trucks() as u8 {
+            let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
+            ends.push(if setting.is_emulated {
+                Box::new(Emulated::new(rig_end, setting.profile.timing()).stamping_bench_time())
+            } else {
+                Box::new(rig_end)
+            });
+            let is_driven = plan.scenario.has_ecu(usize::from(truck));
+            ecus.push(is_driven.then(|| ecu(plan, setting, truck, ecu_end)).transpose()?);
+        }
+        let names = process::bus_names(&ends);
+        let recorder = setting.recorder(Source::Rig, names)?;
+        let rig = Rig::new(&plan.scenario, plan.args.run.seed, plan.rate_hz, ends, recorder)
+            .map_err(Failure::usage)?
+            .speaking(setting.profile);
+        let (clock, stop) = (HostClock::default(), process::stop_flag()?);
+        Ok(Self { rig, ecus, is_emulated: setting.is_emulated, clock, stop })
+    }
+
+    /// Invitation, answers, and the first state.
+    fn begin(&mut self) -> Result<(), Failure> {
+        self.rig.invite();
+        self.prepare();
+        if !self.rig.ready() {
+            return Err(Failure::cannot_start("an ECU did not answer its invitation on loopback"));
+        }
+        self.rig.start();
+        self.prepare();
+        Ok(())
+    }
+
+    fn prepare(&mut self) {
+        for ecu in self.ecus.iter_mut().flatten() {
+            ecu.prepare(&self.clock);
+        }
+    }
+
+    /// Tick by tick until the scenario ends; true when somebody interrupted it. `watch` sees the rig
+    /// at the start of every tick.
+    fn alternate(
+        &mut self,
+        plan: &Plan<'_>,
+        faults: &[Fault],
+        watch: &mut dyn FnMut(&Rig),
+    ) -> bool {
+        let line = ProgressLine::new(plan.scenario.duration_s);
+        let mut interrupted = false;
+        while !self.rig.finished() && !interrupted {
+            watch(&self.rig);
+            let (tick, time_s) = (self.rig.tick(), self.rig.time_ns() as f64 * 1e-9);
+            self.one_tick(faults, time_s);
+            if tick.is_multiple_of(TICKS_PER_LOOK) {
+                line.show(time_s, plan.scenario.duration_s);
+                interrupted = self.stop.load(Ordering::Relaxed);
+            }
+        }
+        line.clear();
+        interrupted
+    }
+
+    /// The steps of the rig between two publications, and the ECUs' tick among them.
+    fn one_tick(&mut self, faults: &[Fault], time_s: f64) {
+        let (tick, steps) = (self.rig.tick(), self.rig.steps_per_tick());
+        let period_ns = self.rig.base_step_ns() * steps;
+        let middle_ns = self.rig.time_ns() + period_ns / 2;
+        let steps_before = if self.is_emulated { steps / 2 } else { 0 };
         for _ in 0..steps_before {
-            rig.step();
+            self.rig.step();
         }
-        if plan.is_emulated() {
-            rig.service(middle_ns);
-        }
-        for (truck, slot) in ecus.iter_mut().enumerate() {
-            match stopped(&plan.args.fault, truck as u8, time_s) {
-                Some(FaultKind::KillEcu) => drop(slot.take()),
+        self.carry(middle_ns);
+        for (truck, place) in self.ecus.iter_mut().enumerate() {
+            match stopped(faults, truck as u8, time_s) {
+                Some(FaultKind::KillEcu) => drop(place.take()),
                 Some(FaultKind::PauseEcu { .. }) => (),
                 None => {
-                    if let Some(ecu) = slot {
-                        tick_if_running(ecu, Slot::on_time(tick, period_ns, clock), clock);
+                    if let Some(ecu) = place {
+                        let slot = Slot::on_time(tick, period_ns, &self.clock);
+                        tick_if_running(ecu, slot, &self.clock);
                     }
                 }
             }
         }
-        if plan.is_emulated() {
-            // What the ECUs have just sent is queued now.
-            rig.service(middle_ns);
-        }
-        for _ in steps_before..rig.steps_per_tick() {
-            rig.step();
-        }
-        if tick.is_multiple_of(TICKS_PER_LOOK) {
-            line.show(time_s, plan.scenario.duration_s);
-            interrupted = stop.load(Ordering::Relaxed);
+        // What the ECUs have just sent is queued now.
+        self.carry(middle_ns);
+        for _ in steps_before..steps {
+            self.rig.step();
         }
     }
-    line.clear();
-    interrupted
+
+    /// Lets emulated buses carry what they can by then; ideal ones need nobody.
+    fn carry(&mut self, time_ns: u64) {
+        if self.is_emulated {
+            self.rig.service(time_ns);
+        }
+    }
+
+    /// The farewell, and what everybody has to report.
+    fn end(mut self) -> Outcome {
+        self.rig.end();
+        let results = Some(self.rig.results());
+        let mut outcome = Outcome { results, ..Outcome::default() };
+        for mut ecu in self.ecus.into_iter().flatten() {
+            ecu.prepare(&self.clock);
+            outcome.ecus.push(ecu.finish(&self.clock));
+        }
+        // Their last words belong to the recording.
+        self.rig.listen();
+        outcome.notes.extend(self.rig.take_recorder().and_then(recording_loss));
+        outcome
+    }
+}
+
+fn ecu(plan: &Plan<'_>, setting: &Setting<'_>, truck: u8, end: Loopback) -> Result<Ecu, Failure> {
+    let recorder = setting.recorder(Source::Ecu(truck), vec![end.name().to_owned()])?;
+    let law = calibration::controller(plan.calibration, &plan.args.law_options);
+    let config = Config {
+        truck,
+        profile: setting.profile,
+        vehicle: calibration::vehicle(&plan.calibration),
+        ..Config::default()
+    };
+    Ok(Ecu::new(config, Box::new(end), law, recorder))
 }
 
 /// An ECU that has not heard of the run yet keeps waiting for it.

@@ -28,6 +28,7 @@ pub(super) fn page(summary: &Summary) -> String {
     let _ = trucks(&mut page, summary);
     let _ = criteria(&mut page, summary);
     let _ = observed(&mut page, summary);
+    let _ = profile_cost(&mut page, summary);
     let _ = timing(&mut page, summary);
     let _ = rest(&mut page, summary);
     page
@@ -105,6 +106,26 @@ fn observed(page: &mut String, summary: &Summary) -> std::fmt::Result {
         ]);
     }
     section(page, "Emulated buses: from queueing to arrival", &table)
+}
+
+/// What the profile's rates and resolutions cost.
+fn profile_cost(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let Some(cost) = &summary.profile_cost else {
+        return Ok(());
+    };
+    let header = ["truck", "furthest apart", "error to leader", "to pred.", "clearance lost"];
+    let mut table = new_table(&header);
+    let signed = |change_m: f64| format!("{change_m:+.3} m");
+    for truck in &cost.trucks {
+        table.add_row([
+            truck.index.to_string(),
+            format!("{:.3} m", truck.max_distance_m),
+            signed(truck.leader_error_m),
+            signed(truck.predecessor_error_m),
+            truck.clearance_m.map_or("-".into(), signed),
+        ]);
+    }
+    section(page, "What the profile costs, against the same run on CAN FD", &table)
 }
 
 fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {

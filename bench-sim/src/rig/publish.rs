@@ -139,7 +139,7 @@ impl Rig {
     }
 
     /// The noise-free world now.
-    pub(crate) fn truth(&self) -> TruthRecord {
+    pub fn truth(&self) -> TruthRecord {
         let mut truth = TruthRecord { time_ns: self.time_ns(), ..TruthRecord::default() };
         let full = "a scenario has no more trucks and obstacles than a record";
         for truck in 0..self.trucks.len() {
