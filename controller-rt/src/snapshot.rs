@@ -15,8 +15,10 @@ const VERSION: u8 = 2;
 const PICTURE_BYTES: usize = 1536;
 /// Room for a controller's memory.
 const CONTROLLER_BYTES: usize = 32 * 1024;
+/// Room for guard, encoder and decoder: a decoder with parts of every message in flight is largest.
+const OTHER_BYTES: usize = 4096;
 /// Room for all.
-const ALL_BYTES: usize = PICTURE_BYTES + CONTROLLER_BYTES + 1024;
+const ALL_BYTES: usize = PICTURE_BYTES + CONTROLLER_BYTES + OTHER_BYTES;
 
 #[derive(Serialize, Deserialize)]
 struct Layout<'bytes> {
