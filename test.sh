@@ -70,6 +70,7 @@ missing_packages() {
     has insmod || echo kmod
     has ip || echo iproute2
     has shellcheck || echo shellcheck
+    has tshark || echo tshark
     python3 -c 'import ensurepip, venv' 2>/dev/null || echo python3-venv
 }
 
@@ -199,6 +200,8 @@ step_interop() {
     [[ -x $venv/bin/python ]] || leave_out "no Python environment in $venv: run the install step"
     python tests/interop/cantools_codec.py "$(example_path platoon-dbc codec_vectors)"
     python tests/interop/python_can_udp.py "$(example_path platoon-dbc udp_peer)"
+    cargo build --quiet --locked
+    python tests/interop/python_can_run.py "$target/debug/platoon"
     "$(example_path traces sample_run)" "$scratch/sample"
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
     python tests/interop/commonroad_plant.py "$(example_path bench-sim plant_trajectories)"

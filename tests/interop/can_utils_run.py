@@ -20,6 +20,7 @@ Exits with 1 and says what did not hold.
 import collections
 import contextlib
 import json
+import os
 import pathlib
 import signal
 import statistics
@@ -61,7 +62,8 @@ def run(*words):
 
 def make_interfaces():
     for name in TRUCKS:
-        if not pathlib.Path(f"/sys/class/net/{name}").exists():
+        shown = subprocess.run(["ip", "link", "show", name], capture_output=True)
+        if shown.returncode != 0:
             run("ip", "link", "add", name, "type", "vcan")
         run("ip", "link", "set", name, "down")
         run("ip", "link", "set", name, "mtu", 72, "up")
@@ -177,6 +179,12 @@ def act_j1939(platoon, folder):
     print(f"j1939: cansniffer showed all {len(sent)} identifiers of truck1")
 
 
+def be_urgent():
+    """Outranks rig and ECUs where that is allowed; a slow machine would send nothing in time."""
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(90))
+
+
 def cansend(interface, identifier, data, fd=True):
     """The line of a shell that sends a frame."""
     return f"cansend {interface} {identifier:08X}#{'#1' if fd else ''}{data.hex()}"
@@ -225,8 +233,7 @@ def act_hostile(platoon, folder):
         with contextlib.suppress(subprocess.TimeoutExpired):
             first = f"truck3,{ACTUATION.frame_id:X}:1FFFFFFF"
             subprocess.run(["candump", "-n", "50", first], timeout=PATIENCE_S, capture_output=True)
-        # Above the priorities of rig and ECUs, or a slow machine would send nothing in time.
-        run("chrt", "--fifo", "90", "sh", "-e", folder / "attack.sh")
+        subprocess.run(["sh", "-e", folder / "attack.sh"], check=True, preexec_fn=be_urgent)
         summary = summary_of(rehearsal, folder, 20)
     node, ecu = summary["nodes"], {ecu["truck"]: ecu["received"] for ecu in summary["ecus"]}
     rig = node[1]
@@ -274,11 +281,13 @@ def act_player(platoon, folder, source):
     received = report["received"]
     faults = {fault: received[fault] for fault in ECU_FAULTS if received[fault]}
     require(not faults, f"the lone ECU counted {faults}")
-    require(report["ending"] == "MissionEnded" or "ended" in str(report["ending"]).lower(), report)
+    require(report["ending"] == "mission_ended", f"it ended by {report['ending']}")
+    # After the first of three farewells it is gone.
+    require(received["used"] + received["parts"] >= len(of_rig) - 2, f"it heard {received}")
     ours = commands(frame for _, frame in logged(folder / "log"))
     theirs = commands(frame for name, frame in logged(source) if name == "truck1")
     both = sorted(ours.keys() & theirs.keys())
-    require(len(both) > 100, f"only {len(both)} ticks were answered in both runs")
+    require(both, "no tick was answered in both runs")
     apart = [abs(ours[tick][0] - theirs[tick][0]) for tick in both]
     same = sum(ours[tick] == theirs[tick] for tick in both)
     print(

@@ -6,8 +6,8 @@ Needs the Python packages of requirements.txt and, where it is installed, tshark
 named on a line that begins with "left out:". The frames themselves are compared with the trace by
 candump_equals_mcap.py. Here:
 
-cantools   `decode` finds a message in every line and gives the values of the trace's decoded topics
-           (only for platoon.dbc, whose messages the trace decodes);
+cantools   `list` and `dump` know every message of the database and warn of nothing;
+           `decode` finds a message in every line and gives the values of the trace's decoded topics;
 tshark     sees as many frames, with the same times, identifiers, lengths, flags and bytes;
 python-can reads the log, and what it converts the log to: .blf, .asc and .mf4;
 asammdf    reads the .mf4 and extracts the database's signals with the values cantools decodes.
@@ -54,21 +54,30 @@ def same(what, ours, theirs):
     require(len(ours) == len(theirs), f"{what}: {len(theirs)} of {len(ours)} frames")
 
 
+def cantools_says(*words, read=subprocess.DEVNULL):
+    """What a command of cantools prints, without a warning."""
+    words = [sys.executable, "-W", "default", "-m", "cantools", *map(str, words)]
+    done = subprocess.run(words, stdin=read, capture_output=True, text=True, check=True)
+    require(not done.stderr, f"cantools {words[5]} warns: {done.stderr}")
+    return done.stdout
+
+
 def by_cantools(log, dbc, trace):
-    """Every line decodes, to the values of the trace."""
-    words = [sys.executable, "-m", "cantools", "decode", "--single-line", dbc]
+    """The database is as it should be, and every line decodes, to the values of the trace."""
+    names = {message.name for message in cantools.database.load_file(str(dbc)).messages}
+    require(set(cantools_says("list", dbc).split()) >= names, "cantools list misses some")
+    dumped = cantools_says("dump", dbc)
+    missing = [name for name in names if f" {name}\n" not in dumped]
+    require(not missing, f"cantools dump misses {missing}")
     with open(log, "rb") as lines:
-        done = subprocess.run(words, stdin=lines, capture_output=True, text=True, check=True)
-    require(not done.stderr, f"cantools decode warns: {done.stderr}")
+        printed = cantools_says("decode", "--single-line", dbc, read=lines)
     decoded = collections.defaultdict(list)
-    for line in done.stdout.splitlines():
+    for line in printed.splitlines():
         match = DECODED.match(line.strip())
         require(match, f"cantools decodes no message from: {line}")
         interface, name, signals = match.groups()
         decoded[interface, name].append(dict(pair.split(": ") for pair in signals.split(", ")))
-    compared = 0
-    if pathlib.Path(dbc) == DEFAULT_DBC:
-        compared = compare_with_trace(decoded, trace)
+    compared = compare_with_trace(decoded, trace)
     print(f"cantools decode: {sum(map(len, decoded.values()))} messages, {compared} values as traced")
 
 
@@ -88,7 +97,9 @@ def compare_with_trace(decoded, trace):
             for signal, text in decoded[key][place].items():
                 field = snake_case(signal)
                 ours = getattr(message, field)
-                named = getattr(message, f"{field}_text", "")
+                named = getattr(message, f"{field}_text", "") or getattr(
+                    message, f"{field}_status", ""
+                )
                 agrees = text == named if named else float(text.split()[0]) == ours
                 require(agrees, f"{key} {place}: {signal} is {ours} {named}, cantools says {text}")
                 compared += 1
@@ -210,6 +221,8 @@ def check_sample(where, message, signal, data, theirs):
         require(raw > valid_max, f"{where}: no sample of raw {raw}")
         return
     ours = message.decode(data)[signal.name]
+    if is_named(ours) and theirs != theirs:
+        return  # what is not available among numbers is no number
     text = theirs.decode() if isinstance(theirs, bytes) else theirs
     agrees = str(ours) == text if is_named(ours) else math.isclose(ours, float(text))
     require(agrees, f"{where}: {theirs}, cantools says {ours}")
