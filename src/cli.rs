@@ -145,8 +145,8 @@ impl RunArgs {
             None => Ok(Self::RATE_DEFAULT_HZ.min(most_hz)),
             Some(rate_hz) if rate_hz <= most_hz => Ok(rate_hz),
             Some(rate_hz) => Err(Failure::usage(format!(
-                "--rate-hz {rate_hz}: the profile {} carries at most {most_hz} Hz; ask for less, or \
-                 for another --profile",
+                "--rate-hz {rate_hz}: the profile {} carries at most {most_hz} Hz; ask for less, \
+                 or for another --profile",
                 self.profile
             ))),
         }

@@ -11,8 +11,8 @@
 //! - *Clearance*: least distance between the truck's box and the box of an obstacle that is present
 //!   and must not be touched; negative is the depth of an overlap. *Gap*: the same to other trucks.
 //! - *Lane crossing*: the CG passes the line between the lanes and gets 0.2 m beyond it.
-//! - *Off centre*: lateral distance to the desired line from 10 s after the truck has come back from
-//!   passing until it leaves its lane again.
+//! - *Off centre*: lateral distance to the desired line from 10 s after the truck has come back
+//!   from passing until it leaves its lane again.
 //! - *Passed*: the truck was behind the obstacle when that appeared, and its rear is ahead of the
 //!   obstacle's front at the end.
 //! - Forces and steering: the larger of what the ECU asked for and what the actuators were told.
@@ -255,7 +255,8 @@ impl Gauge {
         }
     }
 
-    /// Counts crossings; `beyond_m` is how far left of the line the CG is, `own_m` where it should be.
+    /// Counts crossings; `beyond_m` is how far left of the line the CG is, `own_m` where it should
+    /// be.
     fn sample_line(&mut self, time_ns: u64, beyond_m: f64, own_m: f64) {
         match self.left_of_line {
             None => self.left_of_line = Some(beyond_m > 0.0),

@@ -132,7 +132,7 @@ impl Default for Vehicle {
     }
 }
 
-/// How coarse commands are by the time they have crossed a bus: what a judge of them must allow for.
+/// How coarse commands are once they have crossed a bus: what a judge of them must allow for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CommandGrain {
     /// Resolution of the force, N.

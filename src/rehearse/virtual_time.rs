@@ -132,8 +132,8 @@ impl Bench {
         }
     }
 
-    /// Tick by tick until the scenario ends; true when somebody interrupted it. `watch` sees the rig
-    /// at the start of every tick.
+    /// Tick by tick until the scenario ends; true when somebody interrupted it. `watch` sees the
+    /// rig at the start of every tick.
     fn alternate(
         &mut self,
         plan: &Plan<'_>,

@@ -152,9 +152,9 @@ impl CommandWatch {
     /// The time between two commands is that between the ticks they answer or between the ticks
     /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. After a
     /// pause the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
-    /// answer a state that is a tick old; so a late or skipping answer is given one tick more. Where
-    /// the bus carries the force less often than commands, either force may be older than its command
-    /// by what is held beyond a tick.
+    /// answer a state that is a tick old; so a late or skipping answer is given one tick more.
+    /// Where the bus carries the force less often than commands, either force may be older than
+    /// its command by what is held beyond a tick.
     fn measure(&mut self, asked: &Command, answers: u32, tick: u32) {
         let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
         self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));

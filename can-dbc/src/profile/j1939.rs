@@ -51,8 +51,8 @@ const NO_MEMBER: u8 = 255;
 /// What `SteerCommand` tells of the counter of XBR.
 const BRAKE_COUNTER_MASK: u8 = 3;
 
-/// How coarse commands are: steps of the torque or of the deceleration, whichever is coarser, and of
-/// `SteerCommand`; and XBR comes less often than the others.
+/// How coarse commands are: steps of the torque or of the deceleration, whichever is coarser, and
+/// of `SteerCommand`; and XBR comes less often than the others.
 pub(crate) fn command_grain(vehicle: &Vehicle) -> CommandGrain {
     let torque_n = vehicle.full_torque_force_n / 100.0 / force::STEPS_PER_PERCENT;
     CommandGrain {

@@ -6,7 +6,7 @@
 //! V_ref = clip(speed + lead_time * u_i, 0, v0 + margin)                             (ours)
 //! ```
 //!
-//! The law is a slot: the paper's gain ([`h_infinity`], Eq. 4), or one of those it is compared with.
+//! The law is a slot: the paper's gain ([`h_infinity`], Eq. 4), or one it is compared with.
 //! Each is a file with one function from a [`Situation`] to an acceleration; adding one is adding a
 //! file and a word. The leader has no error of its own: its reference is the mission's set speed.
 

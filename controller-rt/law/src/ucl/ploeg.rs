@@ -4,10 +4,10 @@
 //! h u_i' = -u_i + k_p e + k_d e' + u_(i-1),      e = d_i - (r + h v_i)
 //! ```
 //!
-//! d is the distance to the truck ahead and u_(i-1) the acceleration it intends. r is chosen so that
-//! at the set speed the distance is the mission's; at another speed it is h times the difference
-//! away from it, by design. J. Ploeg, B. T. M. Scheepers, E. van Nunen, N. van de Wouw, H. Nijmeijer,
-//! *Design and experimental evaluation of cooperative adaptive cruise control*, IEEE ITSC 2011.
+//! d is the distance to the truck ahead and u_(i-1) the acceleration it intends. r is chosen so
+//! that at the set speed the distance is the mission's; at another speed it is h times the
+//! difference away from it, by design. J. Ploeg, B. T. M. Scheepers, E. van Nunen, N. van de Wouw,
+//! H. Nijmeijer, *Design and experimental evaluation of cooperative adaptive cruise control*, IEEE ITSC 2011.
 
 use super::Situation;
 
