@@ -152,7 +152,9 @@ impl<'a> Traffic<'a> {
         let heard = truck.min(2);
         // It may see every obstacle and every truck ahead, as long as there are pages for them.
         let seen = self.scenario.obstacles.len() + truck;
-        let streams = self.messages.iter().flat_map(|message| {
+        let has_ecu = self.scenario.has_ecu(truck);
+        let sent = self.messages.iter().filter(|message| has_ecu || message.sender != ECU);
+        let streams = sent.flat_map(|message| {
             let (stream, count) = match message.name {
                 name if name.starts_with("V2vOut") => (self.cyclic(message), 1),
                 name if name.starts_with("V2v") => (self.relayed(message), heard),

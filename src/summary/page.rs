@@ -87,6 +87,14 @@ fn bus(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if bus.overflowed > 0 {
         writeln!(page, "       {BAD}{} frames lost{BAD:#}: the bus was full", bus.overflowed)?;
     }
+    if let Some(pace) = summary.rig_pace.filter(|pace| pace.service_gap_ns_max > 0) {
+        let longest_ms = 1e-6 * pace.service_gap_ns_max as f64;
+        let times = pace.late_services;
+        writeln!(
+            page,
+            "       the rig served it late {times} times, for up to {longest_ms:.1} ms"
+        )?;
+    }
     Ok(())
 }
 

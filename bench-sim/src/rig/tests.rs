@@ -4,8 +4,8 @@ use std::cell::{Cell, RefCell};
 use std::sync::atomic::AtomicBool;
 
 use platoon_dbc::{
-    Actuation, ActuationStatus, Bus, Clock, EcuMode, EcuStatus, EgoState, Frame, FrameFlags,
-    Loopback, Message, Mission, Obstacle, ObstacleKind, V2vOut, V2vState,
+    Actuation, ActuationStatus, Bus, BusTiming, Clock, EcuMode, EcuStatus, EgoState, Emulated,
+    Frame, FrameFlags, Loopback, Message, Mission, Obstacle, ObstacleKind, V2vOut, V2vState,
 };
 
 use super::*;
@@ -397,6 +397,44 @@ fn a_late_rig_catches_up_with_the_clock() {
         let mission = Mission::decode(frame).expect("a farewell").0;
         assert_eq!(mission.run_state, RunState::Ended);
     }
+}
+
+/// A run of two seconds on emulated buses, with a clock that wakes the rig late now and then.
+fn run_emulated(late_every: u64, late_ns: u64) -> (RunReport, Results) {
+    let scenario = scenario(&[("duration_s", "2")]);
+    let (mut rig_ends, mut ecus): (Vec<Box<dyn Bus>>, Vec<_>) = (Vec::new(), Vec::new());
+    for _ in 0..scenario.platoon.trucks {
+        let (rig_end, ecu_end) = Loopback::pair("loopback", 8192);
+        rig_ends.push(Box::new(Emulated::new(rig_end, BusTiming::default())));
+        ecus.push(TestEcu::new(ecu_end));
+    }
+    let mut rig = Rig::new(&scenario, 1, 1000, rig_ends, None).expect("fits");
+    let clock = clock(ecus, late_every, late_ns);
+    let stop = AtomicBool::new(false);
+    let options = RunOptions { serves_buses: true, ..RunOptions::new(&clock, &stop) };
+    let report = run(&mut rig, &options, &mut |_| {}).expect("starts");
+    (report, rig.results())
+}
+
+#[test]
+fn emulated_buses_are_served_between_the_steps_and_the_traffic_is_told() {
+    let (report, results) = run_emulated(u64::MAX, 0);
+    assert!((1..=290_000).contains(&report.service_gap_ns_max), "{report:?}");
+    assert_eq!((report.late_services, report.late_wakes), (0, 0));
+    assert!(results.nodes.iter().all(|node| node.lost_commands == 0 && node.accepted > 1900));
+    let of_ego = EgoState::default().encode(0).expect("in range");
+    let shortest_ns = BusTiming::default().frame_time_ns(&of_ego) / 2;
+    for wire in &results.wires {
+        assert_eq!((wire.identifiers[0].id, wire.overflowed), (EgoState::ID, 0));
+        assert!(wire.identifiers[0].frames >= 2000 && wire.identifiers[0].max_ns > shortest_ns);
+    }
+}
+
+#[test]
+fn services_that_come_late_are_counted() {
+    let (report, results) = run_emulated(200, 3_000_000);
+    assert!(report.late_services > 10 && report.service_gap_ns_max >= 3_000_000, "{report:?}");
+    assert!(results.wires.iter().all(|wire| wire.overflowed == 0));
 }
 
 #[test]
