@@ -67,7 +67,7 @@ impl FrameBits {
     /// first five bits and after every four from then on.
     ///
     /// For classic frames these are the 55 + 10 n and 80 + 10 n bits of n data bytes in
-    /// \[Davis 2007, Eqs. 2 and 3\] (see [`response`](super::response)).
+    /// \[Davis et al. 2007, Eqs. 2 and 3\] (see [`worst_responses`](super::worst_responses)).
     pub fn most(flags: FrameFlags, length: usize) -> Self {
         if flags.is_error {
             return Self::default();

@@ -1,9 +1,8 @@
 //! How long each identifier can wait at worst.
 //!
-//! The analysis of R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
-//! schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35(3), 239-272,
-//! 2007, doi:10.1007/s11241-007-9012-7: every instance within the busy period of a message's level
-//! is examined, because the first one need not be the worst.
+//! The analysis of Davis, Burns, Bril and Lukkien 2007, cited in full at [`worst_responses`]: every
+//! instance within the busy period of a message's level is examined, because the first one need
+//! not be the worst.
 //!
 //! ```text
 //! busy    t    = B + sum over hp and m of n(t) C                                       [Eq. 10]
@@ -83,7 +82,12 @@ pub fn load(streams: &[Stream]) -> f64 {
 /// For every stream the longest time from queueing a frame to the free bus after it \[ns\].
 ///
 /// `None` for a stream that has no bound because it and the more urgent ones fill the bus.
-/// `bit_ns` is one bit of arbitration.
+/// `bit_ns` is one bit of arbitration. Offsets between streams are ignored, errors on the bus not
+/// considered; streams of one identifier count as more urgent than each other.
+///
+/// The analysis of R. I. Davis, A. Burns, R. J. Bril, J. J. Lukkien, "Controller Area Network (CAN)
+/// schedulability analysis: Refuted, revisited and revised", Real-Time Systems 35(3), 239-272,
+/// 2007, doi:10.1007/s11241-007-9012-7, with responses counted from queueing.
 ///
 /// # Panics
 /// If a period is 0.

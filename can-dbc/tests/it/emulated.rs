@@ -151,7 +151,7 @@ fn nothing_is_lost_twice_or_invented_whatever_the_times() {
     let (mut sent, mut time_ns) = ([0_u64; 2], 0);
     let mut heard = [0_u64; 2];
     for _ in 0..20_000 {
-        time_ns += random.below(300_000) as u64;
+        time_ns += random.up_to(300_000);
         rig.set_bench_time(time_ns);
         let id = random.below(1 << 29) as u32;
         if random.below(3) == 0 {

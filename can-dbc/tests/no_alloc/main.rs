@@ -118,6 +118,7 @@ fn a_cycle_over_an_emulated_bus_allocates_nothing() {
             here.send(&frame).expect("room");
             there.send(&frame).expect("room");
             here.set_bench_time(1_000_000 * step);
+            here.set_bench_time(1_000_000 * step + 900_000);
             let heard = [here.receive(), here.receive(), there.receive()];
             assert!(heard.iter().all(|heard| heard.is_ok_and(|heard| heard.is_some())));
         }

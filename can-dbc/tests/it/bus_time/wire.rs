@@ -128,7 +128,7 @@ fn stuffed(bits: &[bool]) -> Vec<bool> {
 fn stuff_count(stuff_bits: usize) -> Vec<bool> {
     const GRAY: [u32; 8] = [0b000, 0b001, 0b011, 0b010, 0b110, 0b111, 0b101, 0b100];
     let code = GRAY[stuff_bits % 8];
-    number(code << 1 | code.count_ones() % 2, 4).collect()
+    number((code << 1) | (code.count_ones() % 2), 4).collect()
 }
 
 /// What is left of the bits, after `initial` has been added to their beginning and as many zeros
