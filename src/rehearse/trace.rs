@@ -42,6 +42,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         ("seed".to_owned(), plan.args.run.seed.to_string()),
         ("rate_hz".to_owned(), plan.rate_hz.to_string()),
         ("solver".to_owned(), plan.args.law_options.solver.word().to_owned()),
+        ("bus_timing".to_owned(), plan.args.run.bus_timing.word().to_owned()),
         ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
         ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),
     ]);
