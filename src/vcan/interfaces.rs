@@ -68,7 +68,7 @@ pub(super) fn words(names: &[String]) -> Vec<&str> {
     names.iter().map(String::as_str).collect()
 }
 
-/// The failure in one line, and under it the commands that mend it, the one for here first.
+/// The failure in one line, and where it is the machine's under it the commands that mend it, the one for here first.
 fn with_remedies(error: CanError) -> Failure {
     struct Page(CanError, Host);
     impl fmt::Display for Page {
@@ -85,7 +85,10 @@ fn with_remedies(error: CanError) -> Failure {
             Ok(())
         }
     }
-    Failure::cannot_start(Page(error, Host::detect()))
+    match error {
+        CanError::BadName(_) => Failure::usage(error),
+        _ => Failure::cannot_start(Page(error, Host::detect())),
+    }
 }
 
 #[cfg(test)]

@@ -40,9 +40,13 @@ pub(super) fn run(args: &CheckArgs) -> Result<(), Failure> {
     if findings.can_rehearse {
         Ok(())
     } else {
-        Err(Failure::cannot_start(
-            "no rehearsal over vcan here: mend what is missing above, or take --bus udp",
-        ))
+        let instead = match kernel {
+            Ok(_) => "rehearse in another kernel: platoon vcan shell -- platoon rehearse",
+            Err(_) => "take --bus udp",
+        };
+        Err(Failure::cannot_start(format!(
+            "no rehearsal over vcan here: mend what is missing above, or {instead}"
+        )))
     }
 }
 

@@ -15,4 +15,5 @@ mod repository;
 mod responses;
 mod tidy;
 mod usage;
+mod vcan_interfaces;
 mod vcan_shell;

@@ -237,8 +237,9 @@ fn it_ends_with_the_process_that_started_it() {
 #[ignore = "needs user-mode-linux"]
 fn on_a_terminal_it_has_one_of_the_same_size_and_keys() {
     let place = place("shell-terminal");
-    let text = "stty size; test -t 0 && test -t 1 && test -t 2; echo $?; trap 'echo int' INT; \
-                echo up; sleep 600; read word; echo \"<$word>\"";
+    let text = "stty size; test -t 0 && test -t 1 && test -t 2; echo $?; read word; \
+                echo \"<$word>\"; trap 'echo int; exit 4' INT; echo up; \
+                while :; do sleep 0.1; done";
     fs::write(place.join("script"), text).expect("a fresh folder");
     let inner =
         format!("stty rows 31 cols 97; {} vcan shell -- sh script", env!("CARGO_BIN_EXE_platoon"));
@@ -251,20 +252,18 @@ fn on_a_terminal_it_has_one_of_the_same_size_and_keys() {
         .expect("script(1) of util-linux");
     let mut keys = terminal.stdin.take().expect("asked for");
     let mut screen = BufReader::new(terminal.stdout.take().expect("asked for"));
+    keys.write_all(b"yes\r").expect("it is read");
     let mut shown = String::new();
     while !shown.contains("up\r\n") {
         assert_ne!(screen.read_line(&mut shown).expect("text"), 0, "{shown:?}");
     }
-    // Ctrl-C interrupts the sleep; the line after it is the answer to `read`.
+    // Ctrl-C.
     keys.write_all(b"\x03").expect("it is read");
-    while !shown.contains("int\r\n") {
-        assert_ne!(screen.read_line(&mut shown).expect("text"), 0, "{shown:?}");
-    }
-    keys.write_all(b"yes\r").expect("it is read");
     screen.read_to_string(&mut shown).expect("text");
     assert!(shown.contains("31 97\r\n0\r\n"), "{shown:?}");
     assert!(shown.contains("<yes>\r\n"), "{shown:?}");
-    assert!(terminal.wait().expect("it ends").success());
+    assert!(shown.contains("int\r\n"), "{shown:?}");
+    assert_eq!(terminal.wait().expect("it ends").code(), Some(4));
 }
 
 #[test]

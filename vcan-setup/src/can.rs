@@ -19,8 +19,8 @@ use crate::realtime::{CAP_NET_ADMIN, has_capability};
 const FD_MTU: u32 = 72;
 /// Longest interface name \[bytes\] (IFNAMSIZ less its terminator).
 const NAME_BYTES_MAX: usize = 15;
-/// Tries at one interface before giving up; another process may be creating the same one.
-const ATTEMPTS_MAX: usize = 8;
+/// Tries at one interface before giving up; others may make or remove the same one.
+const ATTEMPTS_MAX: usize = 64;
 /// CAN_RAW of linux/can.h.
 const CAN_RAW: u32 = 1;
 

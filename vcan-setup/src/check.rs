@@ -11,7 +11,7 @@ use std::time::Duration;
 use rustix::fs::{Access, access};
 use serde::Serialize;
 
-use crate::can::{self, CanError, CanSupport};
+use crate::can::{self, CanSupport};
 use crate::host::{Host, Lack};
 use crate::kernel::{Kernel, KernelError};
 use crate::link::Link;
@@ -220,7 +220,6 @@ fn interface(name: &str, link: &Link, packets: u64, watch: Duration) -> Finding 
     };
     let found = format!("{kind}, MTU {}, {state}, {traffic}", link.mtu);
     let remedy = match can::fitness(name, link) {
-        Err(error @ CanError::OtherKind { .. }) => Some((State::Missing, error.to_string())),
         Err(error) => Some((State::Missing, error.to_string())),
         Ok(()) if packets > 0 => {
             Some((State::Missing, "end the program that sends, or run with --share".to_owned()))
@@ -334,10 +333,11 @@ fn isolated_cpus(environment: &Environment) -> Finding {
     let subject = "isolated CPUs";
     let (isolated, online) = (&environment.isolated_cpus, environment.online_cpus.len());
     if isolated.is_empty() {
-        let last = online.saturating_sub(1);
         let found = format!("none of {online}");
-        let remedy =
-            format!("boot with isolcpus=1-{last} when the machine has CPUs to spare (4 and more)");
+        let remedy = match online {
+            4.. => format!("boot with isolcpus=2-{} and rehearse on these", online - 1),
+            _ => "a machine with 4 CPUs or more has some to spare".into(),
+        };
         Finding::warn(subject, found, remedy)
     } else {
         Finding::ok(subject, format!("{} of {online}", isolated.len()))

@@ -41,7 +41,7 @@ pub enum Place {
 
 impl fmt::Display for Place {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+        f.pad(match self {
             Self::Container => "container",
             Self::Wsl => "WSL",
             Self::Debian => "Debian",

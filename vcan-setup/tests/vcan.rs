@@ -1,8 +1,15 @@
 //! The interfaces of a real kernel: these tests create and remove `vcan` links, so they need a
 //! kernel with CAN and the right to administer its network. `./test.sh` runs them where it can.
 
-use socketcan::{CanInterface, nl::Mtu};
-use vcan_setup::can::{self, CanError, ensure_vcan, remove_vcan};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use socketcan::{CanFrame, CanInterface, CanSocket, EmbeddedFrame, Socket, StandardId, nl::Mtu};
+use vcan_setup::can::{self, CanError, ensure_vcan, remove_idle, remove_vcan};
+
+/// How long interfaces are watched for traffic here.
+const WATCH: Duration = Duration::from_millis(100);
 
 #[test]
 #[ignore = "needs a kernel with vcan and CAP_NET_ADMIN: ./test.sh runs it"]
@@ -75,4 +82,105 @@ fn a_refused_name_leaves_nothing_of_the_others_behind() {
     let error = ensure_vcan(&["pt-f0", "lo"]).expect_err("lo is no vcan");
     assert!(matches!(error, CanError::OtherKind { .. }), "{error}");
     assert!(CanInterface::open("pt-f0").is_err(), "pt-f0 was removed again");
+}
+
+/// What of an interface nobody may change.
+fn state(name: &str) -> (Option<u32>, bool, Option<Mtu>) {
+    let details = CanInterface::open(name).and_then(|link| link.details()).expect("exists");
+    (Some(details.index), details.is_up, details.mtu)
+}
+
+/// Sends on an interface until `body` has returned.
+fn while_traffic_passes<T>(name: &str, body: impl FnOnce() -> T) -> T {
+    let socket = CanSocket::open(name).expect("up");
+    let id = StandardId::new(0x123).expect("small enough");
+    let frame = CanFrame::new(id, &[1, 2, 3]).expect("short enough");
+    let (sent, over) = (AtomicBool::new(false), AtomicBool::new(false));
+    thread::scope(|scope| {
+        scope.spawn(|| {
+            while !over.load(Ordering::Relaxed) {
+                socket.write_frame(&frame).expect("vcan takes it");
+                sent.store(true, Ordering::Relaxed);
+                thread::sleep(Duration::from_millis(1));
+            }
+        });
+        while !sent.load(Ordering::Relaxed) {
+            thread::yield_now();
+        }
+        let result = body();
+        over.store(true, Ordering::Relaxed);
+        result
+    })
+}
+
+#[test]
+#[ignore = "needs a kernel with vcan and CAP_NET_ADMIN: ./test.sh runs it"]
+fn idle_interfaces_are_removed_whoever_made_them_and_twice_is_once() {
+    ensure_vcan(&["pt-g0"]).expect("a fresh interface");
+    CanInterface::create_vcan("pt-g1", None).expect("a fresh interface");
+    let done = remove_idle(&["pt-g0", "pt-g1", "pt-g2"], WATCH).expect("idle");
+    assert_eq!(
+        (done.removed, done.absent),
+        (vec!["pt-g0".to_owned(), "pt-g1".to_owned()], vec!["pt-g2".to_owned()])
+    );
+    let again = remove_idle(&["pt-g0", "pt-g1"], WATCH).expect("nothing to do");
+    assert_eq!(again.absent.len(), 2);
+}
+
+#[test]
+#[ignore = "needs a kernel with vcan and CAP_NET_ADMIN: ./test.sh runs it"]
+fn no_other_kind_of_interface_of_that_name_is_changed_or_removed() {
+    for kind in ["vxcan", "dummy", "bridge"] {
+        let name = format!("pt-h-{kind}");
+        let link = CanInterface::create::<Option<u32>>(&name, None, kind)
+            .unwrap_or_else(|error| panic!("the kernel makes no {kind}: {error}"));
+        let index = link.details().expect("exists").index;
+        let up = ensure_vcan(&["pt-h0", &name]).expect_err("another kind");
+        let down = remove_idle(&["pt-h0", &name], WATCH).expect_err("another kind");
+        for error in [up, down] {
+            let named = matches!(&error, CanError::OtherKind { kind: found, .. } if found == kind);
+            assert!(named, "{error}");
+        }
+        let after = CanInterface::open(&name).and_then(|link| link.details()).expect("there");
+        assert_eq!((after.index, after.is_up), (index, false), "{kind}");
+        link.delete().expect("removable");
+    }
+    assert!(CanInterface::open("pt-h0").is_err(), "nothing half-made is left");
+}
+
+#[test]
+#[ignore = "needs a kernel with vcan and CAP_NET_ADMIN: ./test.sh runs it"]
+fn an_interface_with_traffic_stays_as_it_is_and_keeps_the_others() {
+    let made = ensure_vcan(&["pt-i0", "pt-i1"]).expect("fresh interfaces").created;
+    let before = state("pt-i0");
+    while_traffic_passes("pt-i0", || {
+        assert_eq!(ensure_vcan(&["pt-i0"]).expect("fit already").reused, ["pt-i0"]);
+        let error = remove_idle(&["pt-i1", "pt-i0"], WATCH).expect_err("in use");
+        assert!(matches!(&error, CanError::Busy { name, .. } if name == "pt-i0"), "{error}");
+        assert_eq!(state("pt-i0"), before);
+        assert!(CanInterface::open("pt-i1").is_ok(), "all or nothing");
+    });
+    remove_vcan(&made).expect("ours to remove");
+}
+
+#[test]
+#[ignore = "needs a kernel with vcan and CAP_NET_ADMIN: ./test.sh runs it"]
+fn making_and_removing_at_the_same_time_fails_for_nobody() {
+    let names = ["pt-j0", "pt-j1"];
+    thread::scope(|scope| {
+        for _ in 0..3 {
+            scope.spawn(|| {
+                for _ in 0..20 {
+                    ensure_vcan(&names).expect("up against up and down");
+                }
+            });
+            scope.spawn(|| {
+                for _ in 0..20 {
+                    remove_idle(&names, Duration::ZERO).expect("down against up and down");
+                }
+            });
+        }
+    });
+    ensure_vcan(&names).expect("there at last");
+    assert_eq!(remove_idle(&names, Duration::ZERO).expect("idle").removed, names);
 }
