@@ -18,8 +18,10 @@ Runs every step, or only those named, and ends with a summary. Exit status 1 whe
   interop     our formats against cantools, python-can and the Python MCAP readers; the plant
               against CommonRoad's vehicle models
   rehearse    the release build, the default scenario in virtual time, its trace read by Python
-  socketcan   the tests that need a kernel with CAN: in a network namespace of this kernel, else
-              inside user-mode Linux, else each one is listed as left out
+  kernel      platoon vcan shell: a command in the kernel it boots, user-mode Linux
+  socketcan   the tests that need a kernel with CAN, with can-utils beside whole rehearsals: in a
+              network namespace of this kernel, else in the kernel that platoon vcan shell boots,
+              else each one is listed as left out
   heavy       long sweeps (tests whose names begin with heavy_); only with --long
 
   --long        run the heavy step too
@@ -29,14 +31,20 @@ TEXT
 
 cd "$(dirname "$(realpath "${BASH_SOURCE[0]}")")"
 exec </dev/null
-# An ordinary user's search path may lack the folders of ip, insmod and modprobe.
+# An ordinary user's search path may lack the folders of ip and modprobe.
 PATH=$PATH:/usr/sbin:/sbin
 export CARGO_TERM_COLOR=${CARGO_TERM_COLOR:-never} PYTHONDONTWRITEBYTECODE=1
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
-all_steps=(install fmt shell clippy doc test interop rehearse socketcan heavy)
+all_steps=(install fmt shell clippy doc test interop rehearse kernel socketcan heavy)
 # Exit status by which a step says that it was left out; the reasons are in $reasons.
 readonly left_out_status=77
+# Exit status of platoon vcan shell when it has no kernel to boot.
+readonly no_kernel_status=3
+# How long the tests in a booted kernel may take before they count as hung.
+readonly socketcan_limit_s=3600
+# What chooses the tests that need a kernel with CAN from those of a test binary.
+readonly in_kernel=(--ignored --skip heavy_ --skip vcan_shell::)
 
 # ---------------------------------------------------------------- what the steps use
 
@@ -67,7 +75,6 @@ example_path() {
 missing_packages() {
     has candump || echo can-utils
     has linux.uml || echo user-mode-linux
-    has insmod || echo kmod
     has ip || echo iproute2
     has shellcheck || echo shellcheck
     has tshark || echo tshark
@@ -98,21 +105,27 @@ make_venv() {
         cp "$requirements" "$venv/made-from"
 }
 
+# Path of the command, built if need be.
+platoon_path() {
+    cargo build --quiet --locked --bin platoon
+    echo "$target/debug/platoon"
+}
+
 # "MANIFEST_FOLDER<tab>BINARY" of every test binary of the packages that touch SocketCAN.
 socketcan_binaries() {
     cargo test --quiet --locked --no-run --message-format=json \
-        --package platoon-dbc --package vcan-setup |
+        --package platoon-dbc --package vcan-setup --package platoon |
         sed -n '/"reason":"compiler-artifact"/{
-            /"test":true/s|.*"manifest_path":"\([^"]*\)/Cargo.toml".*"executable":"\([^"]*\)".*|\1\t\2|p
+            /"profile":{[^}]*"test":true/s|.*"manifest_path":"\([^"]*\)/Cargo.toml".*"executable":"\([^"]*\)".*|\1\t\2|p
         }'
 }
 
 # Of the lines of socketcan_binaries, those whose binary has a test for us: an ignored one that is
-# not heavy. The names of these tests go to the file $1.
+# neither heavy nor of the kernel step. The names of these tests go to the file $1.
 with_ignored_tests() {
     local folder binary names
     while IFS=$'\t' read -r folder binary; do
-        names=$("$binary" --ignored --skip heavy_ --list --format=terse | sed -n 's/: test$//p')
+        names=$("$binary" "${in_kernel[@]}" --list --format=terse | sed -n 's/: test$//p')
         if [[ -n $names ]]; then
             printf '%s\n' "$names" >>"$1"
             printf '%s\t%s\n' "$folder" "$binary"
@@ -120,11 +133,17 @@ with_ignored_tests() {
     done
 }
 
-# Writes the script that runs in a kernel with CAN, as root of an otherwise empty network.
+# Writes the script that runs in a kernel with CAN, as root of an otherwise empty network. It runs
+# the binaries of standard input; rehearsals with can-utils beside them put what they leave into the
+# folder $1.
 write_socketcan_job() {
     local folder binary
     cat <<'TEXT'
 set -e
+ip link set lo up
+# The kernel finds the modules of its interfaces by itself, unless it was booted for us.
+dummy=/usr/lib/uml/modules/$(uname -r)/kernel/drivers/net/dummy.ko
+[ ! -e "$dummy" ] || insmod "$dummy"
 for interface in vcan0 vcan1 vcan2; do
     ip link add "$interface" type vcan
 done
@@ -134,10 +153,27 @@ ip link set vcan2 mtu 72    # left down
 status=0
 TEXT
     while IFS=$'\t' read -r folder binary; do
-        printf 'cd %q\n%q --ignored --skip heavy_ --test-threads=1 --color=never || status=1\n' \
-            "$folder" "$binary"
+        printf 'cd %q\n%q %s --test-threads=1 --color=never || status=1\n' \
+            "$folder" "$binary" "${in_kernel[*]}"
     done
+    printf 'cd %q\n' "$PWD"
+    if [[ -x $venv/bin/python ]]; then
+        printf '%q tests/interop/can_utils_run.py %q %q || status=1\n' \
+            "$venv/bin/python" "$(platoon_path)" "$1"
+    fi
     printf 'exit %s\n' "\$status"
+}
+
+# What candump logged beside the rehearsals of the job in folder $1 against what they recorded.
+compare_candump_logs() {
+    local act
+    [[ -x $venv/bin/python ]] || leave_out "can-utils beside rehearsals: run the install step"
+    for act in clean hostile j1939; do
+        python tests/interop/candump_equals_mcap.py "$1/$act/run/run.mcap" "$1/$act"/candump-*.log
+    done
+    python tests/interop/candump_readers.py "$1/clean/run/run.mcap" "$1/clean"/candump-*.log
+    python tests/interop/candump_readers.py "$1/j1939/run/run.mcap" "$1/j1939"/candump-*.log \
+        can-dbc/j1939.dbc
 }
 
 # Runs a command as root of a network namespace of its own, so that nobody's interfaces are touched.
@@ -181,7 +217,7 @@ step_fmt() {
 
 step_shell() {
     has shellcheck || leave_out "shellcheck is not installed"
-    shellcheck test.sh .ci/run tests/uml/run.sh tests/uml/init.sh
+    shellcheck test.sh .ci/run
 }
 
 step_clippy() {
@@ -224,26 +260,43 @@ step_rehearse() {
     python tests/interop/mcap_readers.py "$trace"
 }
 
+# Ends the step, with the names of its tests, when platoon vcan shell has no kernel to boot; fails
+# where nobody reads the summary.
+need_kernel() {
+    local status=0
+    "$(platoon_path)" vcan shell --interfaces 0 -- true || status=$?
+    if [[ $status -eq $no_kernel_status && ${CI:-} != true ]]; then
+        leave_out "no kernel to boot (see above); tests left out:" "$@"
+    fi
+    return "$status"
+}
+
+step_kernel() {
+    local tests=(--package platoon --test it vcan_shell::) names
+    names=$(cargo test --quiet --locked "${tests[@]}" -- --ignored --list --format=terse)
+    need_kernel "$names"
+    cargo test --locked "${tests[@]}" -- --ignored --test-threads=2
+}
+
 step_socketcan() {
-    local names=$scratch/socketcan-names job=$scratch/socketcan-job.sh status=0
-    socketcan_binaries | with_ignored_tests "$names" | write_socketcan_job >"$job"
+    local names=$scratch/socketcan-names job=$scratch/socketcan-job.sh runs=$scratch/socketcan
+    socketcan_binaries | with_ignored_tests "$names" | write_socketcan_job "$runs" >"$job"
     [[ -s $names ]] || {
         echo "found no SocketCAN test to run" >&2
         return 1
     }
+    echo "tests/interop/can_utils_run.py" >>"$names"
 
     if kernel_makes_vcan; then
         echo "in a network namespace of this kernel, $(uname -r)"
         in_own_network sh "$job"
-        return
+    else
+        echo "this kernel makes no vcan interface: in one that platoon vcan shell boots"
+        need_kernel "$(<"$names")"
+        timeout --kill-after=30 "$socketcan_limit_s" "$(platoon_path)" vcan shell \
+            --interfaces 0 --memory-mb 2048 -- sh "$job"
     fi
-    echo "this kernel makes no vcan interface: inside user-mode Linux"
-    tests/uml/run.sh "$job" 600 || status=$?
-    # A kernel that cannot boot leaves the tests out, except where nobody reads the summary.
-    if [[ $status -eq 125 && ${CI:-} != true ]]; then
-        leave_out "no kernel with CAN, none bootable (see above); tests left out:" "$(<"$names")"
-    fi
-    return "$status"
+    compare_candump_logs "$runs"
 }
 
 # The long sweeps of --long. A test belongs here when it is ignored and its name begins with heavy_.
