@@ -238,7 +238,9 @@ def act_hostile(platoon, folder):
     node, ecu = summary["nodes"], {ecu["truck"]: ecu["received"] for ecu in summary["ecus"]}
     rig = node[1]
     require(rig["bad_crc"] == 3 and rig["malformed"] == 2, f"commands, wrong: {rig}")
-    require(rig["repeated"] + rig["out_of_order"] >= AGAIN, f"commands, repeated: {rig}")
+    # The first is new by its counter; a truck that is stopping ignores it whatever it asks for.
+    old = rig["repeated"] + rig["out_of_order"] + rig["ignored_while_stopping"]
+    require(old >= AGAIN, f"commands, repeated: {rig}")
     require(rig["repeated"] > AGAIN / 2, f"commands, repeated: {rig}")
     require(ecu[2]["crc"] == 3 and ecu[2]["malformed"] == 2, f"states, wrong: {ecu[2]}")
     require(ecu[2]["repeated"] + ecu[2]["outdated"] >= AGAIN, f"states, repeated: {ecu[2]}")
