@@ -157,7 +157,7 @@ TEXT
             "$folder" "$binary" "${in_kernel[*]}"
     done
     printf 'cd %q\n' "$PWD"
-    if [[ -x $venv/bin/python ]]; then
+    if can_utils_at_hand; then
         printf '%q tests/interop/can_utils_run.py %q %q || status=1\n' \
             "$venv/bin/python" "$(platoon_path)" "$1"
     fi
@@ -167,13 +167,23 @@ TEXT
 # What candump logged beside the rehearsals of the job in folder $1 against what they recorded.
 compare_candump_logs() {
     local act
-    [[ -x $venv/bin/python ]] || leave_out "can-utils beside rehearsals: run the install step"
+    can_utils_at_hand ||
+        leave_out "can-utils beside rehearsals: can-utils or the Python environment is missing"
     for act in clean hostile j1939; do
         python tests/interop/candump_equals_mcap.py "$1/$act/run/run.mcap" "$1/$act"/candump-*.log
     done
-    python tests/interop/candump_readers.py "$1/clean/run/run.mcap" "$1/clean"/candump-*.log
-    python tests/interop/candump_readers.py "$1/j1939/run/run.mcap" "$1/j1939"/candump-*.log \
-        can-dbc/j1939.dbc
+    read_candump_log "$1/clean/run/run.mcap" "$1/clean"/candump-*.log
+    read_candump_log "$1/j1939/run/run.mcap" "$1/j1939"/candump-*.log can-dbc/j1939.dbc
+}
+
+# Has other programs read a log; those that are not installed are named in the summary.
+read_candump_log() {
+    python tests/interop/candump_readers.py "$@" | tee "$scratch/readers"
+    sed -n 's/^left out: //p' "$scratch/readers" >>"$reasons"
+}
+
+can_utils_at_hand() {
+    [[ -x $venv/bin/python ]] && has candump
 }
 
 # Runs a command as root of a network namespace of its own, so that nobody's interfaces are touched.
