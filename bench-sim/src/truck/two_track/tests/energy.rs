@@ -67,7 +67,7 @@ fn energy_gained_equals_work_done_while_braking_and_driving() {
         force_n: if t_s < 3.0 { -15_000.0 } else { 12_000.0 },
         steer_rad: 0.0,
     });
-    assert!(share < 1e-3, "{share} of the energy is unexplained");
+    assert!(share < 1e-5, "{share} of the energy is unexplained");
 }
 
 #[test]
@@ -77,7 +77,7 @@ fn energy_gained_equals_work_done_while_swerving() {
         force_n: 2_000.0,
         steer_rad: 0.05 * libm::sin(2.5 * t_s),
     });
-    assert!(share < 0.01, "{share} of the energy is unexplained");
+    assert!(share < 2e-3, "{share} of the energy is unexplained");
 }
 
 #[test]
@@ -88,5 +88,5 @@ fn energy_gained_equals_work_done_on_a_windy_slope() {
     let p = TwoTrackParameters { surroundings, ..TwoTrackParameters::default() };
     let share =
         unexplained(p, |t_s| Command { force_n: -4_000.0, steer_rad: 0.03 * libm::sin(1.5 * t_s) });
-    assert!(share < 0.01, "{share} of the energy is unexplained");
+    assert!(share < 1e-3, "{share} of the energy is unexplained");
 }
