@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::PathBuf;
 
+use platoon_dbc::Profile;
 use traces::{Attachment, MergeOptions, MergeReport, PartReport, Source};
 
 use super::{Outcome, Plan, describe_environment};
@@ -46,6 +47,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
         ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),
     ]);
+    let profile = plan.args.run.profile;
     let file = |name: &str, media_type: &str, text: &str| Attachment {
         name: name.into(),
         media_type: media_type.into(),
@@ -54,7 +56,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
     let law = toml::to_string(&plan.calibration).unwrap_or_default();
     MergeOptions {
         attachments: vec![
-            file("platoon.dbc", "text/plain", platoon_dbc::DBC),
+            file(dbc_name(profile), "text/plain", profile.dbc()),
             file("scenario.toml", "application/toml", &plan.scenario.to_toml()),
             file("law.toml", "application/toml", &law),
         ],
@@ -114,4 +116,12 @@ fn part_note(part: &PartReport) -> Option<String> {
     let until_s = part.last_time_ns.unwrap_or(0) as f64 * 1e-9;
     (!part.is_finished)
         .then(|| format!("{name}: recording not closed, kept up to {until_s:.3} s of bench time"))
+}
+
+/// What the profile's DBC is called, here and among the sources.
+fn dbc_name(profile: Profile) -> &'static str {
+    match profile {
+        Profile::Fd => "platoon.dbc",
+        Profile::J1939 => "j1939.dbc",
+    }
 }

@@ -293,7 +293,11 @@ fn an_echo_has_the_time_at_which_others_received_the_frame(mut pair: Pair) {
     for number in 0..20 {
         pair.here.send(&numbered(number)).expect("room");
         let (echo, seen) = (receive(&mut *pair.here), receive(&mut *pair.there));
-        assert_eq!((echo.frame, echo.stamp_ns), (seen.frame, seen.stamp_ns));
+        assert_eq!(echo.frame, seen.frame);
+        // A datagram is stamped once per socket that gets it, a CAN frame once for all.
+        if pair.here.backend() != Backend::Udp {
+            assert_eq!(echo.stamp_ns, seen.stamp_ns);
+        }
     }
 }
 
