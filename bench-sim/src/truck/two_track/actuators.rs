@@ -199,7 +199,7 @@ mod tests {
 
     #[test]
     fn every_command_within_the_engines_power_becomes_its_force() {
-        for forward_mps in [0.0, 2.0, 8.0, 14.9] {
+        for forward_mps in [0.0, 2.0, 8.0, 22.4] {
             for force_n in [-34_000.0, -12_000.0, -3_000.0, 0.0, 5_000.0, 20_000.0] {
                 let (p, state) = after(5.0, forward_mps, force_n);
                 let given_n = p.engine_force_n(&state) - state.brake_n[0] - state.brake_n[1];

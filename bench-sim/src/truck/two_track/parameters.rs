@@ -90,7 +90,8 @@ pub struct TwoTrackParameters {
     pub drive_lag_s: f64,
     /// Which axles are driven; ours.
     pub driven: DrivenAxles,
-    /// Most power at the wheels \[W\]; ours.
+    /// Most power at the wheels \[W\]; ours: the 20 kN a controller may ask for, at the 22.4 m/s of
+    /// the paper's leader. A truck of this size has a third of it.
     pub power_max_w: f64,
     /// Most power the engine brake takes \[W\]; ours.
     pub engine_brake_power_w: f64,
@@ -237,7 +238,7 @@ impl Default for TwoTrackParameters {
             pressure_ahead_m: -0.6,
             drive_lag_s: 0.25,
             driven: DrivenAxles::All,
-            power_max_w: 300e3,
+            power_max_w: 450e3,
             engine_brake_power_w: 100e3,
             engine_brake_max_n: 8e3,
             steer_lag_s: 0.1,
