@@ -2,9 +2,9 @@
 //!
 //! | `plant.model` | what it is |
 //! |---|---|
-//! | `single-track` | [`SingleTrack`]: nonlinear bicycle, saturating tyres, load transfer; the default |
+//! | `single-track` | [`SingleTrack`]: nonlinear bicycle, saturating tyres; the default |
 //! | `two-track` | [`TwoTrack`]: four wheels, suspension, drive line, air brakes, road and wind |
-//! | `prediction` | [`Prediction`]: the linear bicycle the controller believes in, built again here |
+//! | `prediction` | [`Prediction`]: the linear bicycle the controller believes in, built again |
 //!
 //! A leader may instead follow a script ([`Scripted`]) that no command moves.
 //!

@@ -14,7 +14,7 @@
 //! limit: it corners and brakes as hard as it is asked to.
 //!
 //! Below 3 m/s slip is the sideways speed of the contact point over 3 m/s, so that a standing wheel
-//! is a damper. The truck never rolls backwards: brake and rolling resistance hold it at standstill.
+//! is a damper. The truck never rolls backwards: brake and rolling resistance hold it.
 
 #[cfg(test)]
 mod tests;
@@ -27,7 +27,7 @@ const SLIP_SPEED_MIN_MPS: f64 = 3.0;
 /// Sideways and yaw motion of a standing truck below this is rounded to rest \[m/s, rad/s\].
 const REST_SPEED: f64 = 1e-6;
 
-/// Calibration of one linear bicycle; defaults are Table II of the paper where nothing else is said.
+/// Calibration of one linear bicycle; defaults are the paper's Table II unless marked as ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PredictionParameters {
     /// Mass m \[kg\].

@@ -8,24 +8,22 @@
 //! m (v' + u r) - q ϕ''              = Σ Fy
 //! I_z r' - q x_s ϕ''                = Σ M_z
 //! (I_x + q h) ϕ'' - q (v' + u r) - q x_s r' = M_roll - q g_y
-//! J_w ω_w' = T_w - R Fx_w                     T_w: engine, brake, rolling resistance
+//! J ω' = T - R Fx                             T: engine, brake, rolling resistance
 //! σx κ' = ω R - V_x - |V_x| κ                 σy (tan α)' = -V_y - |V_x| tan α
 //! ```
 //!
 //! The three equations in v', r', ϕ'' are solved in closed form. Terms of second order in roll are
 //! left out, and so are the products of inertia of the sprung mass about its own CG. Slips behind
-//! their relaxation lengths feed the magic formula of [`tyre`]; near standstill they are damped, or
-//! the tyre would be a spring without loss (Pacejka, section 8.6). Loads come from [`suspension`],
-//! torques from [`actuators`], slope, friction and wind from [`road`].
+//! their relaxation lengths feed the magic formula of `tyre`; near standstill they are damped, or
+//! the tyre would be a spring without loss (Pacejka, section 8.6). Loads come from `suspension`,
+//! torques from `actuators`, slope, friction and wind from `road`.
 //!
 //! Integrated by one classical Runge-Kutta step (RK4) per base step, without substeps: the fastest
 //! motion is a wheel's slip against its spin, about 150 rad/s, where RK4 is stable up to 2800 rad/s
 //! at 1 ms. No state decides on a load by way of an acceleration, so there is no algebraic loop.
 //!
 //! A truck that has come to rest is held exactly where it is while brakes, rolling resistance and
-//! hill holder can hold it, by [`hold`].
-//!
-//! [`tyre`]: self::TyreParameters
+//! hill holder can hold it, by `hold`.
 
 mod actuators;
 mod hold;
@@ -375,8 +373,8 @@ impl TwoTrack {
         }
     }
 
-    /// Torques of engine, brake, bearings and hill holder on a wheel of a load and a grip, as far as
-    /// traction control and anti-lock brakes let them through.
+    /// Torques of engine, brake, bearings and hill holder on a wheel of a load and a grip, as far
+    /// as traction control and anti-lock brakes let them through.
     fn torques(
         &self,
         s: &State,

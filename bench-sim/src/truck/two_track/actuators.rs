@@ -1,7 +1,7 @@
 //! Drive line, engine brake, air brakes and steering: from commands to what reaches the wheels.
 //!
 //! ```text
-//! engine:  Fe' = (clamp(F_cmd, -B(u), min(F_cmd, P/u)) - Fe) / τ,   B(u) = min(B_max, P_B/u) fade(u)
+//! engine:  Fe' = (clamp(F_cmd, -B(u), P/u) - Fe) / τ,   B(u) = min(B_max, P_B/u) fade(u)
 //! brakes:  V_i' = (s_i (Fe_cmd - F_cmd) - V_i) / 0.2 τ,   B_i' = (V_i - B_i) / 0.8 τ
 //! steer:   δa' = clamp((δ_cmd - δa) / τ_s, ± rate),   δt' = (-t Fyf / k - δt) / τ_t
 //! ```
@@ -35,7 +35,7 @@ const POWER_SPEED_MIN_MPS: f64 = 0.1;
 const TWIST_LAG_S: f64 = 0.02;
 
 impl TwoTrackParameters {
-    /// Force the engine gives at the wheels now \[N\]: never more than its power or its brake allow.
+    /// Force the engine gives at the wheels \[N\]: never more than its power or its brake allow.
     pub(super) fn engine_force_n(&self, state: &State) -> f64 {
         let speed_mps = state.forward_mps.abs();
         let drive_n = self.power_max_w / speed_mps.max(POWER_SPEED_MIN_MPS);
@@ -87,8 +87,8 @@ impl TwoTrackParameters {
         (self.static_share(0) + transfer).clamp(0.0, 1.0)
     }
 
-    /// Rates of the steering actuator and of its compliance \[rad/s\], under a cornering force of the
-    /// front axle in its wheels' frames.
+    /// Rates of the steering actuator and of its compliance \[rad/s\], under a cornering force of
+    /// the front axle in its wheels' frames.
     pub(super) fn steer_rates(
         &self,
         state: &State,

@@ -3,8 +3,9 @@
 //! - \[MCF\]: Table II of the paper. Mass, yaw inertia, axle positions, front cornering stiffness.
 //! - \[TS\]: the two-axle truck of TruckSim, which the paper's numbers belong to, as public code
 //!   reproduces it: GOPS (Intelligent Driving Laboratory, Tsinghua University, class
-//!   `VehicleDynamicsData_2A`) and the model of Y. Chen et al., *Enhancing the Performance of a Safe
-//!   Controller via Supervised Learning for Truck Lateral Control*, ASME J. Dyn. Sys. 141(10), 2019.
+//!   `VehicleDynamicsData_2A`) and the model of Y. Chen et al., *Enhancing the Performance of a
+//!   Safe Controller via Supervised Learning for Truck Lateral Control*, ASME J. Dyn. Sys. 141(10),
+//!   2019.
 //! - \[UMTRI\]: typical of P. S. Fancher et al., *A Factbook of the Mechanical Properties of the
 //!   Components for Single-Unit and Articulated Heavy Trucks*, UMTRI-86-12, 1986.
 //! - ours: chosen here, in the range of the textbooks.
@@ -15,7 +16,7 @@ use super::super::GRAVITY_MPS2;
 use super::road::Surroundings;
 use super::tyre::TyreParameters;
 
-/// Mass of the nominal truck \[kg\]; [MCF].
+/// Mass of the nominal truck \[kg\]; \[MCF\].
 const NOMINAL_MASS_KG: f64 = 5760.0;
 
 /// Which axles the engine drives.
@@ -32,41 +33,41 @@ pub enum DrivenAxles {
 /// Calibration of one two-track truck. Pairs are front and rear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TwoTrackParameters {
-    /// Mass of the whole truck m \[kg\]; [MCF].
+    /// Mass of the whole truck m \[kg\]; \[MCF\].
     pub mass_kg: f64,
-    /// Yaw inertia of the whole truck I_z \[kg m²\]; [MCF].
+    /// Yaw inertia of the whole truck I_z \[kg m²\]; \[MCF\].
     pub yaw_inertia_kgm2: f64,
-    /// CG of the whole truck to front axle l_f \[m\]; [MCF].
+    /// CG of the whole truck to front axle l_f \[m\]; \[MCF\].
     pub front_axle_m: f64,
-    /// CG of the whole truck to rear axle l_r \[m\]; [MCF].
+    /// CG of the whole truck to rear axle l_r \[m\]; \[MCF\].
     pub rear_axle_m: f64,
-    /// Lateral distance of the wheels \[m\]; front [TS], rear between the middles of the dual tyres,
-    /// [UMTRI].
+    /// Lateral distance of the wheels \[m\]; front \[TS\], rear between the middles of the dual
+    /// tyres, \[UMTRI\].
     pub track_m: [f64; 2],
-    /// Mass of the axles with their wheels \[kg\]; [TS].
+    /// Mass of the axles with their wheels \[kg\]; \[TS\].
     pub unsprung_kg: [f64; 2],
-    /// Height of the sprung mass's CG \[m\]; [TS].
+    /// Height of the sprung mass's CG \[m\]; \[TS\].
     pub sprung_height_m: f64,
-    /// Roll inertia of the sprung mass about its CG \[kg m²\]; [TS].
+    /// Roll inertia of the sprung mass about its CG \[kg m²\]; \[TS\].
     pub roll_inertia_kgm2: f64,
-    /// Pitch inertia of the sprung mass about its CG \[kg m²\]; [TS].
+    /// Pitch inertia of the sprung mass about its CG \[kg m²\]; \[TS\].
     pub pitch_inertia_kgm2: f64,
-    /// Height of the roll centres \[m\]; [UMTRI].
+    /// Height of the roll centres \[m\]; \[UMTRI\].
     pub roll_centre_m: [f64; 2],
-    /// Vertical stiffness of an axle's springs \[N/m\]; [TS].
+    /// Vertical stiffness of an axle's springs \[N/m\]; \[TS\].
     pub spring_n_per_m: [f64; 2],
-    /// Vertical damping of an axle's dampers \[N s/m\]; [TS].
+    /// Vertical damping of an axle's dampers \[N s/m\]; \[TS\].
     pub damper_ns_per_m: [f64; 2],
-    /// Roll stiffness of an axle's springs and stabiliser \[N m/rad\]; [TS]: springs of 250 and
+    /// Roll stiffness of an axle's springs and stabiliser \[N m/rad\]; \[TS\]: springs of 250 and
     /// 700 kN/m, 0.89 and 1.0 m apart, and auxiliary stiffnesses of 500 and 1500 N m/deg.
     pub roll_stiffness_nm_per_rad: [f64; 2],
-    /// Roll damping of an axle's dampers \[N m s/rad\]; [TS]: dampers of 15 and 30 kN s/m, 1.1 and
-    /// 1.0 m apart.
+    /// Roll damping of an axle's dampers \[N m s/rad\]; \[TS\]: dampers of 15 and 30 kN s/m, 1.1
+    /// and 1.0 m apart.
     pub roll_damping_nms_per_rad: [f64; 2],
     /// Time constant of an axle rolling on its tyres \[s\]; ours, the inverse of the axle's roll
     /// frequency on tyres of 0.9 MN/m.
     pub axle_roll_lag_s: f64,
-    /// Rolling radius R of the tyres, and height of the axles' CGs \[m\]; [TS].
+    /// Rolling radius R of the tyres, and height of the axles' CGs \[m\]; \[TS\].
     pub wheel_radius_m: f64,
     /// Spin inertia of a wheel J, both tyres of a dual together \[kg m²\]; ours.
     pub wheel_inertia_kgm2: [f64; 2],
@@ -76,11 +77,11 @@ pub struct TwoTrackParameters {
     pub tyre: TyreParameters,
     /// The rear tyres.
     pub rear_tyre: TyreParameters,
-    /// Rolling resistance over load; [TS].
+    /// Rolling resistance over load; \[TS\].
     pub rolling: f64,
-    /// Air drag over speed squared \[N s²/m²\]; [TS]: 6.8 m² and 0.69 in air of 1.206 kg/m³.
+    /// Air drag over speed squared \[N s²/m²\]; \[TS\]: 6.8 m² and 0.69 in air of 1.206 kg/m³.
     pub drag_n_s2_per_m2: f64,
-    /// Side force of the air over speed times cross speed \[N s²/m²\]; ours: 20 m², coefficient 1.2.
+    /// Side force of the air over speed times cross speed \[N s²/m²\]; ours: 20 m² times 1.2.
     pub side_drag_n_s2_per_m2: f64,
     /// Height at which the air acts \[m\]; ours.
     pub pressure_height_m: f64,
@@ -101,7 +102,7 @@ pub struct TwoTrackParameters {
     pub steer_lag_s: f64,
     /// Fastest the steering actuator turns the road wheels \[rad/s\]; ours.
     pub steer_rate_max_radps: f64,
-    /// Stiffness between steering actuator and road wheels \[N m/rad\]; ours, twice the [UMTRI]
+    /// Stiffness between steering actuator and road wheels \[N m/rad\]; ours, twice the \[UMTRI\]
     /// figure of a steering system held at the hand wheel.
     pub steer_stiffness_nm_per_rad: f64,
     /// Mechanical plus pneumatic trail of the front wheels \[m\]; ours.

@@ -116,7 +116,8 @@ fn an_icy_patch_takes_the_grip_away_and_gives_it_back() {
 
 #[test]
 fn coasting_down_matches_the_analytic_solution() {
-    // M u' = -c u² - f m g  =>  u(t) = k tan(atan(u0 / k) - t sqrt(c f m g) / M), k = sqrt(f m g / c).
+    // M u' = -c u² - f m g  =>  u(t) = k tan(atan(u0 / k) - t sqrt(c f m g) / M),
+    // k = sqrt(f m g / c).
     // Within 1 mm/s: the wheels need a moment to find their slip.
     let mut truck = truck_at(25.0);
     let p = truck.parameters;

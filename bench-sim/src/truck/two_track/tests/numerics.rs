@@ -37,8 +37,8 @@ fn destination(steps: u32) -> [f64; 3] {
 
 #[test]
 fn the_error_falls_with_the_fourth_power_of_the_step() {
-    // From 10 ms to 1.25 ms: halving the step should divide the error of Y and heading by 16 (found:
-    // 20 to 26, the fastest modes are barely resolved at 10 ms). X hardly changes at all.
+    // From 10 ms to 1.25 ms: halving the step should divide the error of Y and heading by 16
+    // (found: 20 to 26, the fastest modes are barely resolved at 10 ms). X hardly changes at all.
     let runs = [1, 2, 4, 8].map(destination);
     let change = |i: usize, quantity: usize| (runs[i][quantity] - runs[i + 1][quantity]).abs();
     for quantity in [1, 2] {
