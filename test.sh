@@ -31,7 +31,7 @@ TEXT
 
 cd "$(dirname "$(realpath "${BASH_SOURCE[0]}")")"
 exec </dev/null
-# An ordinary user's search path may lack the folders of ip and modprobe.
+# An ordinary user's search path may lack the folders of ip, insmod and modprobe.
 PATH=$PATH:/usr/sbin:/sbin
 export CARGO_TERM_COLOR=${CARGO_TERM_COLOR:-never} PYTHONDONTWRITEBYTECODE=1
 export PIP_DISABLE_PIP_VERSION_CHECK=1
@@ -75,6 +75,7 @@ example_path() {
 missing_packages() {
     has candump || echo can-utils
     has linux.uml || echo user-mode-linux
+    has insmod || echo kmod
     has ip || echo iproute2
     has shellcheck || echo shellcheck
     has tshark || echo tshark
@@ -142,8 +143,12 @@ write_socketcan_job() {
 set -e
 ip link set lo up
 # The kernel finds the modules of its interfaces by itself, unless it was booted for us.
-dummy=/usr/lib/uml/modules/$(uname -r)/kernel/drivers/net/dummy.ko
-[ ! -e "$dummy" ] || insmod "$dummy"
+booted=/usr/lib/uml/modules/$(uname -r)
+if [ -d "$booted" ]; then
+    insmod "$booted/kernel/drivers/net/dummy.ko"
+    # It is slow, and canbusload and cansniffer have no option for a larger buffer.
+    echo 16777216 >/proc/sys/net/core/rmem_default
+fi
 for interface in vcan0 vcan1 vcan2; do
     ip link add "$interface" type vcan
 done
@@ -174,6 +179,8 @@ compare_candump_logs() {
     done
     read_candump_log "$1/clean/run/run.mcap" "$1/clean"/candump-*.log
     read_candump_log "$1/j1939/run/run.mcap" "$1/j1939"/candump-*.log can-dbc/j1939.dbc
+    python tests/interop/canbusload_equals_model.py "$1/j1939/run/run.mcap" \
+        "$1/j1939/canbusload.txt" "$(example_path platoon-dbc frame_bits)"
 }
 
 # Has other programs read a log; those that are not installed are named in the summary.

@@ -22,6 +22,8 @@ use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
 use crate::summary::Verdict;
 
+/// How long ECUs may take to get ready that were started together with the rig \[ns\].
+const SUPERVISED_READY_NS: u64 = 30_000_000_000;
 /// Frames a hosted ECU's loopback bus holds: a second of silence on either side.
 pub const LOOPBACK_FRAMES: usize = 8192;
 
@@ -139,7 +141,12 @@ fn drive(
     let obtained = process::become_realtime(process::RIG_PRIORITY, args.cpu);
     let wall_minus_clock_ns = Some(wall_ns().wrapping_sub(clock.now_ns()));
     let serves_buses = args.run.bus_timing == BusTimingKind::Emulate;
-    let options = RunOptions { wall_minus_clock_ns, serves_buses, ..RunOptions::new(&clock, stop) };
+    let mut options =
+        RunOptions { wall_minus_clock_ns, serves_buses, ..RunOptions::new(&clock, stop) };
+    if args.supervised {
+        // The ECUs were started with this process; only a slow machine keeps them.
+        options.ready_timeout_ns = SUPERVISED_READY_NS;
+    }
     let line = ProgressLine::new(rig.scenario().duration_s);
     let pace = rig::run(&mut rig, &options, &mut |progress| show(progress, args.supervised, &line));
     line.clear();

@@ -8,7 +8,8 @@ candump_equals_mcap.py and candump_readers.py. Needs can-utils, iproute2 and the
 requirements.txt. The acts:
 
 clean    candump logs a rehearsal of 20 s at 100 Hz: no frame is lost between rig and ECUs.
-j1939    cansniffer, which knows classic CAN only, and candump watch a rehearsal of that profile.
+j1939    cansniffer, which knows classic CAN only, canbusload (for canbusload_equals_model.py) and
+         candump watch a rehearsal of that profile.
 hostile  cansend and canplayer put damaged, shortened and repeated commands and states, and frames
          of strangers, on the buses: rig and ECU refuse and count each, and no truck moves by them.
 player   canplayer plays what the rig sent to truck 1 in the clean act to a lone ECU: it becomes
@@ -154,6 +155,8 @@ def require_clean(summary):
     for ecu in summary["ecus"]:
         faults = {fault: ecu["received"][fault] for fault in ECU_FAULTS if ecu["received"][fault]}
         require(not faults, f"ECU {ecu['truck']} counted: {faults}")
+        require(ecu["receive_overflow"] == 0, f"ECU {ecu['truck']} read too late: {ecu}")
+        require(ecu["dropped_records"] == 0, f"ECU {ecu['truck']} recorded too late: {ecu}")
 
 
 def act_clean(platoon, folder):
@@ -165,11 +168,15 @@ def act_clean(platoon, folder):
 
 
 def act_j1939(platoon, folder):
-    drawn = folder / "cansniffer.txt"
-    with candump(folder), open(drawn, "wb") as screen:
-        with beside("cansniffer", "truck1", output=screen):
+    drawn, load = folder / "cansniffer.txt", folder / "canbusload.txt"
+    # Above the run, because its buffer is small; and its last second must have passed.
+    rates = [f"{name}@500000" for name in TRUCKS]
+    meter = ("chrt", "--fifo", 95, "canbusload", "-e", *rates)
+    with candump(folder), open(drawn, "wb") as screen, open(load, "wb") as table:
+        with beside("cansniffer", "truck1", output=screen), beside(*meter, output=table):
             rehearsal = rehearse(platoon, folder, "--profile", "j1939", "--duration-s", 10)
             summary = summary_of(rehearsal, folder, 10)
+            time.sleep(2)
     require_clean(summary)
     sent = {frame.id for interface, frame in logged(folder) if interface == "truck1"}
     text = drawn.read_text(errors="replace")

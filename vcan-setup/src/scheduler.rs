@@ -19,6 +19,16 @@ pub(crate) fn set_fifo(priority: u8) -> io::Result<()> {
     if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
+/// Puts another thread, and those it starts, under SCHED_FIFO.
+#[expect(unsafe_code, reason = "sched_setscheduler has no safe wrapper")]
+pub(crate) fn set_fifo_of(thread: i32, priority: u8) -> io::Result<()> {
+    let param = libc::sched_param { sched_priority: i32::from(priority) };
+    // SAFETY: `param` is a valid, initialised sched_param that outlives the call, which only reads
+    // it; a thread id that does not exist is an error and nothing else.
+    let status = unsafe { libc::sched_setscheduler(thread, libc::SCHED_FIFO, &raw const param) };
+    if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
 /// The policy and static priority the kernel holds for the calling thread.
 #[expect(unsafe_code, reason = "sched_getscheduler and sched_getparam have no safe wrapper")]
 pub(crate) fn current() -> (Policy, u8) {

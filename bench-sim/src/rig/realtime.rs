@@ -1,4 +1,5 @@
-//! The rig in real time: absolute deadlines, one per base step.
+//! The rig in real time: absolute deadlines, one per base step, or per few of them when the loop is
+//! slow.
 //!
 //! When the rig wakes late it integrates every missed step and publishes only the latest state, so
 //! bench time never lags the clock by more than one wake-up.
@@ -15,6 +16,9 @@ use serde::{Deserialize, Serialize};
 
 use super::Rig;
 
+/// Looks at the buses in a tick, at least, where a tick has as many base steps: an answer to a tick
+/// takes effect a quarter of it late at most.
+const LOOKS_PER_TICK: u64 = 4;
 /// Time between invitations, and between reports of progress \[ns\].
 const CYCLE_NS: u64 = 100_000_000;
 /// Time between two looks at the buses while the run is prepared \[ns\].
@@ -72,7 +76,7 @@ pub enum Progress {
         time_s: f64,
         /// Bench time at the end \[s\].
         duration_s: f64,
-        /// Wake-ups that missed at least one step so far.
+        /// Wake-ups that came at least one step late so far.
         late_wakes: u64,
     },
 }
@@ -94,7 +98,7 @@ pub struct RunReport {
     pub end: RunEnd,
     /// Wake-ups.
     pub wakes: u64,
-    /// Wake-ups that found more than one step to do.
+    /// Wake-ups that found more steps to do than they were for.
     pub late_wakes: u64,
     /// Steps that were integrated late, without a publication of their own.
     pub caught_up_steps: u64,
@@ -220,11 +224,13 @@ fn pace(
         recorder.set_start_wall_ns(start_ns.wrapping_add(offset_ns));
     }
     rig.start();
+    let stride = if options.serves_buses { 1 } else { stride(rig.steps_per_tick()) };
     let mut service = Service { start_ns, last_ns: start_ns };
     let mut progress_ns = 0;
     while !rig.finished() && !options.stop.load(Ordering::Relaxed) {
         let step_ns = rig.base_step_ns();
-        let deadline_ns = start_ns + (rig.steps() + 1) * step_ns;
+        let wanted = stride - rig.steps() % stride;
+        let deadline_ns = start_ns + (rig.steps() + wanted) * step_ns;
         if options.serves_buses {
             service.until(deadline_ns, rig, clock, &mut report);
         }
@@ -234,13 +240,13 @@ fn pace(
             service.serve(now_ns, rig, &mut report);
         }
         let due = (now_ns.saturating_sub(start_ns) / step_ns).saturating_sub(rig.steps());
-        if due == 0 {
+        if due < wanted {
             continue;
         }
         rig.advance(due);
         report.wakes += 1;
-        report.late_wakes += u64::from(due > 1);
-        report.caught_up_steps += due - 1;
+        report.late_wakes += u64::from(due > wanted);
+        report.caught_up_steps += due - wanted;
         report.lateness_ns_max = report.lateness_ns_max.max(now_ns - deadline_ns);
         if rig.time_ns() >= progress_ns {
             progress(&running(rig, report.late_wakes));
@@ -249,6 +255,14 @@ fn pace(
     }
     report.end = if rig.finished() { RunEnd::Finished } else { RunEnd::Stopped };
     report
+}
+
+/// Base steps from one wake-up to the next: as many as divide a tick evenly and still look at the
+/// buses [`LOOKS_PER_TICK`] times in it. A slow loop gains nothing from a rig that wakes every
+/// millisecond, and a slow machine loses by it.
+fn stride(steps_per_tick: u64) -> u64 {
+    let longest = (steps_per_tick / LOOKS_PER_TICK).max(1);
+    (1..=longest).rev().find(|steps| steps_per_tick.is_multiple_of(*steps)).unwrap_or(1)
 }
 
 /// When emulated buses were served.

@@ -399,6 +399,18 @@ fn a_late_rig_catches_up_with_the_clock() {
     }
 }
 
+#[test]
+fn a_rig_of_a_slow_loop_wakes_no_more_often_than_it_must() {
+    for (rate_hz, wakes) in [(1000, 2000), (500, 2000), (200, 2000), (100, 1000), (10, 80)] {
+        let (mut rig, ecus) = bench(&scenario(&[("duration_s", "2")]), 1, rate_hz);
+        let clock = clock(ecus, u64::MAX, 0);
+        let stop = AtomicBool::new(false);
+        let report = run(&mut rig, &RunOptions::new(&clock, &stop), &mut |_| {}).expect("starts");
+        assert_eq!((report.wakes, report.late_wakes), (wakes, 0), "{rate_hz} Hz");
+        assert_eq!((rig.time_ns(), u64::from(rig.tick())), (2_000_000_000, u64::from(2 * rate_hz)));
+    }
+}
+
 /// A run of two seconds on emulated buses, with a clock that wakes the rig late now and then.
 fn run_emulated(late_every: u64, late_ns: u64) -> (RunReport, Results) {
     let scenario = scenario(&[("duration_s", "2")]);
