@@ -68,7 +68,8 @@ pub(super) fn words(names: &[String]) -> Vec<&str> {
     names.iter().map(String::as_str).collect()
 }
 
-/// The failure in one line, and where it is the machine's under it the commands that mend it, the one for here first.
+/// The failure in one line, and where it is the machine's under it the commands that mend it, the
+/// one for here first.
 fn with_remedies(error: CanError) -> Failure {
     struct Page(CanError, Host);
     impl fmt::Display for Page {

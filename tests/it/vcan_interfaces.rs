@@ -1,7 +1,7 @@
 //! `platoon vcan up`, `down` and `check` from outside: words and exit codes.
 //!
-//! What they do to interfaces is tested in `vcan-setup/tests/vcan.rs`; those here that need a kernel
-//! with CAN are run there by `./test.sh socketcan`.
+//! What they do to interfaces is tested in `vcan-setup/tests/vcan.rs`; those here that need a
+//! kernel with CAN are run there by `./test.sh socketcan`.
 
 use std::process::{Command, Output};
 use std::time::Duration;

@@ -309,8 +309,8 @@ fn locked_memory(limit_bytes: Option<u64>, privileged: bool) -> Finding {
 
 fn limits_line(item: &str, value: &str) -> String {
     format!(
-        "echo \"$USER - {item} {value}\" | sudo tee -a /etc/security/limits.d/platoon.conf, and log \
-         in again"
+        "echo \"$USER - {item} {value}\" | sudo tee -a /etc/security/limits.d/platoon.conf, and \
+         log in again"
     )
 }
 

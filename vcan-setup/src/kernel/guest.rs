@@ -121,9 +121,9 @@ fn prepare(job: &Job) -> io::Result<()> {
 
 /// Makes the kernel hand frames over before any process runs, however busy real-time ones keep it.
 ///
-/// A frame sent on a `vcan` waits in the processor's backlog for ksoftirqd, an ordinary thread. While
-/// processes under SCHED_FIFO use all the time there is, and this kernel is slow, it does not run,
-/// and the backlog drops what is more than its limit (net.core.netdev_max_backlog, 1000).
+/// A frame sent on a `vcan` waits in the processor's backlog for ksoftirqd, an ordinary thread.
+/// While processes under SCHED_FIFO use all the time there is, and this kernel is slow, it does not
+/// run, and the backlog drops what is more than its limit (net.core.netdev_max_backlog, 1000).
 fn lose_no_frames() -> io::Result<()> {
     fs::write("/proc/sys/net/core/netdev_max_backlog", BACKLOG.to_string())?;
     for process in fs::read_dir("/proc")?.flatten() {

@@ -7,7 +7,8 @@
 //! d is the distance to the truck ahead and u_(i-1) the acceleration it intends. r is chosen so
 //! that at the set speed the distance is the mission's; at another speed it is h times the
 //! difference away from it, by design. J. Ploeg, B. T. M. Scheepers, E. van Nunen, N. van de Wouw,
-//! H. Nijmeijer, *Design and experimental evaluation of cooperative adaptive cruise control*, IEEE ITSC 2011.
+//! H. Nijmeijer, *Design and experimental evaluation of cooperative adaptive cruise control*, IEEE
+//! ITSC 2011.
 
 use super::Situation;
 
