@@ -115,6 +115,8 @@ pub fn look(
     if all_there && !names.is_empty() {
         can[1] = Finding::ok(DRIVER, "makes interfaces");
     }
+    let backlog = fs::read_to_string("/proc/net/softnet_stat").unwrap_or_default();
+    can.push(dropped(dropped_frames(&backlog)));
     let can_rehearse = can.iter().all(|finding| finding.state < State::Missing);
     can.push(way_out(kernel, &host));
     Findings {
@@ -231,6 +233,22 @@ fn interface(name: &str, link: &Link, packets: u64, watch: Duration) -> Finding 
         None => Finding::ok(name, found),
         Some((state, remedy)) => Finding::bad(state, name, found, remedy),
     }
+}
+
+/// Frames and packets that this machine has dropped since boot because a CPU's backlog was full: the
+/// second column of /proc/net/softnet_stat, hexadecimal, a line for each CPU.
+fn dropped_frames(softnet: &str) -> u64 {
+    let column = |line: &str| u64::from_str_radix(line.split_whitespace().nth(1)?, 16).ok();
+    softnet.lines().filter_map(column).sum()
+}
+
+fn dropped(frames: u64) -> Finding {
+    let subject = "kernel backlog";
+    if frames == 0 {
+        return Finding::ok(subject, "nothing dropped since boot");
+    }
+    let found = format!("{frames} frames or packets dropped since boot");
+    Finding::warn(subject, found, "sudo sysctl net.core.netdev_max_backlog=100000")
 }
 
 /// The kernel that can be booted instead.
@@ -432,6 +450,14 @@ mod tests {
             assert!(!finding.found.is_empty(), "{finding:?}");
         }
         assert!(!findings.can_rehearse, "lo is no vcan");
+    }
+
+    #[test]
+    fn what_the_backlogs_dropped_is_summed_over_the_cpus() {
+        let softnet = "00004109 000008f1 00000000\n00000010 00000001 00000000\n";
+        assert_eq!(dropped_frames(softnet), 0x8f2);
+        assert_eq!(dropped_frames(""), 0);
+        assert_eq!((dropped(0).state, dropped(1).state), (State::Ok, State::Warn));
     }
 
     #[test]

@@ -166,8 +166,8 @@ const CAN: [Remedy; 7] = [
     at(Place::Arch, "sudo modprobe -a can can_raw vcan (after an update of linux, reboot first)"),
     at(
         Place::Wsl,
-        "a kernel built with CONFIG_CAN, CONFIG_CAN_RAW and CONFIG_CAN_VCAN, named in \
-         %UserProfile%\\.wslconfig: [wsl2] kernel=C:\\\\path\\\\to\\\\vmlinux, then wsl --shutdown",
+        "sudo modprobe -a can_raw vcan; if this kernel has no such modules, one built with \
+         CONFIG_CAN, CONFIG_CAN_RAW and CONFIG_CAN_VCAN, named in %UserProfile%\\.wslconfig",
     ),
     at(
         Place::Container,

@@ -14,10 +14,6 @@
 mod caller;
 mod guest;
 mod keeper;
-mod memory;
-mod modules;
-mod streams;
-mod terminal;
 mod wire;
 
 use std::ffi::{OsStr, OsString};
@@ -26,9 +22,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 pub use caller::run;
-pub use guest::guest;
+pub use guest::{become_on_terminal, guest};
 pub use keeper::{KeeperTask, keep};
-pub use streams::become_on_terminal;
 
 /// Name of the kernel as a program.
 const PROGRAM: &str = "linux.uml";

@@ -5,6 +5,9 @@
 //! modules and mounts file systems by system calls, so the host needs no kmod, no iproute2 and no
 //! shell for it.
 
+mod modules;
+mod streams;
+
 use std::ffi::OsStr;
 use std::fs::{self, File, Permissions};
 use std::io::{self, Write};
@@ -22,10 +25,12 @@ use rustix::system::{RebootCommand, finit_module, reboot, sethostname};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 use socketcan::CanInterface;
 
-use super::streams::Streams;
+use super::keeper;
 use super::wire::{self, ERRORS, Ending, Job, LINES, MESSAGES, ToCaller, ToGuest};
-use super::{keeper, modules};
 use crate::{can, scheduler};
+use streams::Streams;
+
+pub use streams::become_on_terminal;
 
 /// Index of the loopback interface in every network namespace.
 const LOOPBACK_INDEX: u32 = 1;

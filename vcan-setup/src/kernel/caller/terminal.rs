@@ -7,7 +7,7 @@ use rustix::termios::{
     OptionalActions, Termios, isatty, tcgetattr, tcgetpgrp, tcgetwinsize, tcsetattr,
 };
 
-use super::wire::Window;
+use super::super::wire::Window;
 
 /// A terminal that is both standard input and standard output.
 #[derive(Debug)]

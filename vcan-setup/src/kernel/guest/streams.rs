@@ -16,7 +16,7 @@ use rustix::process::{Pid, Signal, kill_process, kill_process_group};
 use rustix::pty::{OpenptFlags, grantpt, ioctl_tiocgptpeer, openpt, unlockpt};
 use rustix::termios::{Winsize, tcdrain, tcgetpgrp, tcsetwinsize};
 
-use super::wire::{ERRORS, Job, LINES, OUTPUT, ToGuest, Window};
+use super::super::wire::{ERRORS, Job, LINES, OUTPUT, ToGuest, Window};
 
 /// Bytes carried at once.
 const CHUNK_BYTES: usize = 1 << 14;
