@@ -2,6 +2,7 @@
 
 use std::io::{Read, Write};
 use std::net::{Ipv4Addr, TcpStream};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use platoon_dbc::{Frame, FrameFlags, PortLease, Udp, UdpOptions};
@@ -190,28 +191,31 @@ fn a_client_that_does_not_read_is_dropped_and_the_others_are_not() {
     sleeper.attach();
     reader.attach();
     let mut number = 0;
-    // Far more than fits the buffers between the bus and the sleeper.
-    let seen = std::thread::scope(|scope| {
+    let seen = AtomicUsize::new(0);
+    // Far more than fits the buffers between the bus and the sleeper, at the pace of the reader.
+    std::thread::scope(|scope| {
         let reading = scope.spawn(|| {
-            let mut seen = 0;
             while reader.hear().starts_with("< frame ") {
-                seen += 1;
+                seen.fetch_add(1, Ordering::Relaxed);
             }
-            seen
         });
         while number < 60_000 {
             for _ in 0..200 {
                 bench.node.send(&numbered(number)).expect("room");
                 number += 1;
             }
-            std::thread::sleep(Duration::from_millis(5));
+            while seen.load(Ordering::Relaxed) + 400 < number as usize && !reading.is_finished() {
+                std::thread::sleep(Duration::from_millis(1));
+            }
         }
-        std::thread::sleep(Duration::from_millis(500));
+        while seen.load(Ordering::Relaxed) < number as usize && !reading.is_finished() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
         let report = bench.gateway.finish().expect("it ran until now");
         assert_eq!(report.too_slow, 1, "{report}");
-        reading.join().expect("no panic")
+        reading.join().expect("no panic");
     });
-    assert!(seen > 50_000, "the reader saw {seen} of {number}");
+    assert_eq!(seen.into_inner(), number as usize, "frames the reader saw");
 }
 
 #[test]
