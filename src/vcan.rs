@@ -33,8 +33,19 @@ pub enum VcanVerb {
     /// Remove virtual CAN interfaces that carry no traffic; any other kind is refused.
     Down(Interfaces),
     /// Say whether a rehearsal over vcan can run here, and how ready the machine is for real time.
+    ///
+    /// Exit status: 0 when a rehearsal over these interfaces can run here, now (they are there, or
+    /// a run can make them), else 3. Warnings, and everything about real time, do not change it.
     Check(CheckArgs),
     /// Run a command in a kernel that has CAN: user-mode Linux, an ordinary process.
+    ///
+    /// The command runs with the host's files, with your rights, in this folder, with these
+    /// arguments and this environment; what it writes to files is on the host afterwards. It is
+    /// root of its own network, with interfaces truck0, truck1, ... up and fit for CAN FD.
+    ///
+    /// Exit status: the command's own (128 and the number of the signal that ended it); 3 when the
+    /// kernel cannot be started, 255 when it died on the way, 127 or 126 when there is no such
+    /// command.
     Shell(ShellArgs),
     /// Started by `shell`: sees to it that nothing of the kernel is left.
     #[command(hide = true)]

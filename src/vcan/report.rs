@@ -14,11 +14,7 @@ use crate::failure::Failure;
 use crate::process;
 
 /// Options of `vcan check`.
-///
-/// Exit status: 0 when a rehearsal over these interfaces can run here, now (they are there, or a
-/// run can make them), else 3. Warnings, and everything about real time, do not change it.
 #[derive(Debug, Clone, Args)]
-#[command(verbatim_doc_comment)]
 pub struct CheckArgs {
     /// The interfaces of the rehearsal.
     #[command(flatten)]

@@ -20,15 +20,7 @@ const EXIT_NOT_FOUND: u8 = 127;
 const EXIT_NOT_EXECUTABLE: u8 = 126;
 
 /// Options of `vcan shell`.
-///
-/// The command runs with the host's files, with your rights, in this folder, with these arguments
-/// and this environment; what it writes to files is on the host afterwards. It is root of its own
-/// network, with interfaces truck0, truck1, ... up and fit for CAN FD.
-///
-/// Exit status: the command's own (128 and the number of the signal that ended it); 3 when the
-/// kernel cannot be started, 255 when it died on the way, 127 or 126 when there is no such command.
 #[derive(Debug, Clone, Args)]
-#[command(verbatim_doc_comment)]
 pub struct ShellArgs {
     /// The kernel (default: linux.uml on the PATH; Debian, Ubuntu: package user-mode-linux).
     #[arg(long, value_name = "PATH")]

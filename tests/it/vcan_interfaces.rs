@@ -35,6 +35,12 @@ fn a_name_that_can_be_no_interface_is_wrong_usage() {
 }
 
 #[test]
+fn the_help_says_what_the_exit_codes_mean() {
+    assert_ended(&vcan(&["check", "--help"]), 0, &["Exit status: 0", "else 3"]);
+    assert_ended(&vcan(&["shell", "--help"]), 0, &["3 when the kernel cannot be started", "255"]);
+}
+
+#[test]
 fn another_kind_of_interface_is_refused_by_its_kind() {
     assert_ended(&vcan(&["down", "--names", "lo"]), 3, &["lo", "hardware", "not vcan"]);
 }

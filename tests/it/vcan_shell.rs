@@ -153,6 +153,20 @@ fn what_it_writes_here_is_here_afterwards() {
 
 #[test]
 #[ignore = "needs user-mode-linux"]
+fn a_folder_among_those_it_has_of_its_own_is_there_all_the_same() {
+    let place = Path::new("/dev/shm/platoon-shell-folder");
+    fs::create_dir_all(place).expect("every Linux has /dev/shm");
+    let output = shell(place, &["--", "sh", "-c", "pwd; echo made > file; ls /dev/shm"]).output();
+    let output = output.expect("the command starts");
+    let made = fs::read_to_string(place.join("file"));
+    fs::remove_dir_all(place).expect("our own folder");
+    let said = format!("{}\nplatoon-shell-folder\n", place.display());
+    assert_eq!(String::from_utf8_lossy(&output.stdout), said, "{output:?}");
+    assert_eq!(made.expect("it is on the host"), "made\n");
+}
+
+#[test]
+#[ignore = "needs user-mode-linux"]
 fn it_is_root_of_a_network_with_can_interfaces_that_are_ready() {
     let place = place("shell-interfaces");
     let check = "vcan check --names can-a,can-b";

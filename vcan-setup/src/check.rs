@@ -235,8 +235,8 @@ fn interface(name: &str, link: &Link, packets: u64, watch: Duration) -> Finding 
     }
 }
 
-/// Frames and packets that this machine has dropped since boot because a CPU's backlog was full: the
-/// second column of /proc/net/softnet_stat, hexadecimal, a line for each CPU.
+/// Frames and packets that this machine has dropped since boot because the backlog of a CPU was
+/// full: the second column of /proc/net/softnet_stat, hexadecimal, a line for each CPU.
 fn dropped_frames(softnet: &str) -> u64 {
     let column = |line: &str| u64::from_str_radix(line.split_whitespace().nth(1)?, 16).ok();
     softnet.lines().filter_map(column).sum()

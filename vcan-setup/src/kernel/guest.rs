@@ -19,7 +19,7 @@ use std::thread;
 use std::time::Duration;
 
 use rustix::fs::{Mode, OFlags};
-use rustix::mount::{MountFlags, mount, mount_bind_recursive};
+use rustix::mount::{MountFlags, UnmountFlags, mount, mount_bind_recursive, unmount};
 use rustix::process::{Pid, Signal, WaitOptions, kill_process_group, umask, wait};
 use rustix::system::{RebootCommand, finit_module, reboot, sethostname};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
@@ -155,8 +155,11 @@ fn load(file: &Path) -> io::Result<()> {
 /// state. Folders below them that the command uses stay visible.
 fn mount_private_folders(job: &Job) -> io::Result<()> {
     let kept = folders_in_use(job);
+    // The kernel has put its own /dev over the host's already.
+    unmount("/dev", UnmountFlags::DETACH)?;
     let keep = |path: &PathBuf| rustix::fs::open(path, OFlags::PATH, Mode::empty()).ok();
     let kept: Vec<_> = kept.into_iter().filter_map(|path| Some((keep(&path)?, path))).collect();
+    attach("devtmpfs", "/dev", "mode=0755")?;
     for (folder, options) in [("/dev/pts", "ptmxmode=0666,mode=0620"), ("/dev/shm", "mode=1777")] {
         fs::create_dir_all(folder)?;
         let kind = if folder == "/dev/pts" { "devpts" } else { "tmpfs" };
