@@ -290,7 +290,8 @@ need_kernel() {
 
 step_kernel() {
     local tests=(--package platoon --test it vcan_shell::) names
-    names=$(cargo test --quiet --locked "${tests[@]}" -- --ignored --list --format=terse)
+    names=$(cargo test --quiet --locked "${tests[@]}" -- --ignored --list --format=terse |
+        sed -n 's/: test$//p')
     need_kernel "$names"
     cargo test --locked "${tests[@]}" -- --ignored --test-threads=2
 }
