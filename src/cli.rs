@@ -1,6 +1,9 @@
 //! The command line: what can be asked, in the words users type.
 
-use std::net::{Ipv4Addr, SocketAddr};
+mod law_options;
+mod values;
+
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -11,6 +14,21 @@ use serde::{Deserialize, Serialize};
 use crate::failure::Failure;
 use crate::fault::Fault;
 use crate::vcan::VcanArgs;
+
+pub use law_options::{LawArgs, SolverKind};
+pub use values::{EcuChoice, V2vDelay};
+
+use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
+
+/// What a choice is called on the command line.
+pub trait Word: ValueEnum {
+    /// The word users type for it.
+    fn word(&self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+impl<T: ValueEnum> Word for T {}
 
 /// Rehearses a truck-platoon hardware-in-the-loop test over CAN, on this computer.
 ///
@@ -153,51 +171,6 @@ impl RunArgs {
     }
 }
 
-/// How the control law is run.
-#[derive(Debug, Clone, Copy, Args)]
-pub struct LawArgs {
-    /// Controller in the ECUs; the scenario's own, usually mcf, when left out.
-    #[arg(long, value_enum)]
-    pub controller: Option<ControllerKind>,
-    /// QP solver of the motion layer.
-    #[arg(long, value_enum, default_value_t = SolverKind::ActiveSet)]
-    pub solver: SolverKind,
-    /// How Eq. 4's delays are read.
-    #[arg(long, value_enum)]
-    pub delay_reading: Option<DelayReadingKind>,
-    /// Law of the coordination layer; the scenario's own when left out.
-    #[arg(long, value_enum)]
-    pub ucl: Option<UclKind>,
-}
-
-impl LawArgs {
-    /// The calibration with what these options say about it.
-    pub fn applied_to(&self, mut calibration: law::Calibration) -> law::Calibration {
-        if let Some(controller) = self.controller {
-            calibration.structure = controller.into();
-        }
-        if let Some(reading) = self.delay_reading {
-            calibration.ucl.delay_reading = reading.into();
-        }
-        if let Some(ucl) = self.ucl {
-            calibration.ucl.law = ucl.into();
-        }
-        calibration
-    }
-
-    /// The same options for another process.
-    pub fn as_arguments(&self) -> Vec<String> {
-        let reading = self.delay_reading.map(|reading| ["--delay-reading", reading.word()]);
-        let ucl = self.ucl.map(|ucl| ["--ucl", ucl.word()]);
-        let controller = self.controller.map(|controller| ["--controller", controller.word()]);
-        ["--solver", self.solver.word()]
-            .into_iter()
-            .chain(controller.into_iter().chain(reading).chain(ucl).flatten())
-            .map(str::to_owned)
-            .collect()
-    }
-}
-
 /// Where a bus is and what may be done with it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct BusPlace {
@@ -312,208 +285,6 @@ pub enum BusTimingKind {
     Emulate,
 }
 
-impl BusTimingKind {
-    /// The word on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Ideal => "ideal",
-            Self::Emulate => "emulate",
-        }
-    }
-}
-
-/// Controllers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ControllerKind {
-    /// The paper's motion control framework: H-infinity coordination over potential-field MPC.
-    Mcf,
-    /// The paper's baseline: one potential-field MPC that tracks its slot itself.
-    SingleMpc,
-}
-
-impl ControllerKind {
-    /// The word on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Mcf => "mcf",
-            Self::SingleMpc => "single-mpc",
-        }
-    }
-}
-
-impl From<ControllerKind> for law::Structure {
-    fn from(kind: ControllerKind) -> Self {
-        match kind {
-            ControllerKind::Mcf => Self::Mcf,
-            ControllerKind::SingleMpc => Self::SingleMpc,
-        }
-    }
-}
-
-/// QP solvers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SolverKind {
-    /// Our dense dual active-set method.
-    ActiveSet,
-    /// Clarabel, the interior-point reference.
-    Clarabel,
-}
-
-impl SolverKind {
-    /// The word on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::ActiveSet => "active-set",
-            Self::Clarabel => "clarabel",
-        }
-    }
-}
-
-/// Readings of Eq. 4's delays.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum DelayReadingKind {
-    /// Both ends of every difference equally old: as printed.
-    Eq4,
-    /// Own state current, leader's position stale.
-    LeaderStale,
-    /// As leader-stale, in a frame at the set speed.
-    FrameStale,
-    /// Received states extrapolated to now.
-    Compensated,
-}
-
-impl DelayReadingKind {
-    /// The word on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Eq4 => "eq4",
-            Self::LeaderStale => "leader-stale",
-            Self::FrameStale => "frame-stale",
-            Self::Compensated => "compensated",
-        }
-    }
-}
-
-impl From<DelayReadingKind> for law::DelayReading {
-    fn from(kind: DelayReadingKind) -> Self {
-        match kind {
-            DelayReadingKind::Eq4 => Self::Eq4,
-            DelayReadingKind::LeaderStale => Self::LeaderStale,
-            DelayReadingKind::FrameStale => Self::FrameStale,
-            DelayReadingKind::Compensated => Self::Compensated,
-        }
-    }
-}
-
-/// Laws of the coordination layer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum UclKind {
-    /// The paper's H-infinity gain.
-    Published,
-    /// The same, with the leader's acceleration fed forward.
-    Feedforward,
-    /// The constant-spacing law of the California PATH platoons.
-    CaccPath,
-    /// Ploeg's law with a constant time gap.
-    Ploeg,
-    /// No coordination: every truck holds the set speed.
-    None,
-}
-
-impl UclKind {
-    /// The word on the command line.
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Published => "published",
-            Self::Feedforward => "feedforward",
-            Self::CaccPath => "cacc-path",
-            Self::Ploeg => "ploeg",
-            Self::None => "none",
-        }
-    }
-}
-
-impl From<UclKind> for law::CoordinationLaw {
-    fn from(kind: UclKind) -> Self {
-        match kind {
-            UclKind::Published => Self::Published,
-            UclKind::Feedforward => Self::Feedforward,
-            UclKind::CaccPath => Self::CaccPath,
-            UclKind::Ploeg => Self::Ploeg,
-            UclKind::None => Self::None,
-        }
-    }
-}
-
-/// Which ECUs are processes under test.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EcuChoice {
-    /// Every truck's.
-    All,
-    /// One truck's; the rest run beside the rig.
-    One(u8),
-}
-
-/// Bounds of the V2V transport delay.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct V2vDelay {
-    /// Least delay \[s\].
-    pub min_s: f64,
-    /// Largest delay \[s\].
-    pub max_s: f64,
-}
-
-impl V2vDelay {
-    /// The scenario overrides that say the same.
-    pub fn as_sets(self) -> [(String, String); 2] {
-        [("v2v.delay_min_s", self.min_s), ("v2v.delay_max_s", self.max_s)]
-            .map(|(key, value)| (key.to_owned(), format!("{value:?}")))
-    }
-}
-
-fn parse_ecu(text: &str) -> Result<EcuChoice, String> {
-    match text {
-        "all" => Ok(EcuChoice::All),
-        number => number
-            .parse()
-            .map(EcuChoice::One)
-            .map_err(|_| "give all, or the number of a truck from 0 (the leader) on".to_owned()),
-    }
-}
-
-fn parse_delay(text: &str) -> Result<V2vDelay, String> {
-    const FORM: &str = "give LO-HI in milliseconds, such as 15-150, or none";
-    if text == "none" {
-        return Ok(V2vDelay { min_s: 0.0, max_s: 0.0 });
-    }
-    let (low, high) = text.split_once('-').ok_or(FORM)?;
-    let number =
-        |part: &str| part.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
-    match (number(low), number(high)) {
-        (Some(low), Some(high)) if low <= high => {
-            Ok(V2vDelay { min_s: 1e-3 * low, max_s: 1e-3 * high })
-        }
-        (Some(_), Some(_)) => Err(format!("the lower delay is above the upper; {FORM}")),
-        _ => Err(FORM.to_owned()),
-    }
-}
-
-fn parse_gateway(text: &str) -> Result<SocketAddr, String> {
-    let port = text.parse().map(|port: u16| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
-    port.or_else(|_| text.parse()).map_err(|_| {
-        "give a port, such as 29536, or ADDRESS:PORT, such as 192.168.0.7:29536".to_owned()
-    })
-}
-
-fn parse_set(text: &str) -> Result<(String, String), String> {
-    match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() => {
-            Ok((key.trim().to_owned(), value.trim().to_owned()))
-        }
-        _ => Err("give KEY=VALUE, such as v2v.loss=0.1".to_owned()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -554,16 +325,6 @@ mod tests {
         assert_eq!(gateway(&["[::1]:1"]).ok(), Some(Some("[::1]:1".into())));
         for nonsense in ["70000", "here", "127.0.0.1", "127.0.0.1:"] {
             assert!(gateway(&[nonsense]).is_err(), "{nonsense}");
-        }
-    }
-
-    #[test]
-    fn delays_are_read_in_milliseconds_and_nonsense_is_refused() {
-        let delay = parse_delay("15-150").expect("well formed");
-        assert!((delay.min_s - 0.015).abs() < 1e-12 && (delay.max_s - 0.15).abs() < 1e-12);
-        assert_eq!(parse_delay("none"), Ok(V2vDelay { min_s: 0.0, max_s: 0.0 }));
-        for nonsense in ["", "15", "150-15", "a-b", "-5-10", "NaN-1", "1-inf"] {
-            assert!(parse_delay(nonsense).is_err(), "{nonsense}");
         }
     }
 }

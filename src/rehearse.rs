@@ -20,7 +20,7 @@ use vcan_setup::realtime::environment;
 use crate::bench::load_scenario;
 use crate::bus::BusChoice;
 use crate::calibration;
-use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs};
+use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs, Word};
 use crate::failure::Failure;
 use crate::gateway::Gateway;
 use crate::process;
@@ -168,7 +168,12 @@ impl<'a> Plan<'a> {
             Err(why) => outcome.notes.push(why),
         }
         let ran = outcome.results.as_ref().map_or(&[][..], |results| &results.trucks);
-        let cost = profile_cost::measure(self, folder, ran).unwrap_or_else(|why| {
+        // Who pressed Ctrl-C does not wait for another run to compare with.
+        let measured = match outcome.interrupted {
+            true => Ok(None),
+            false => profile_cost::measure(self, folder, ran),
+        };
+        let cost = measured.unwrap_or_else(|why| {
             outcome.notes.push(format!("the cost of the profile is not known: {why}"));
             None
         });

@@ -109,7 +109,7 @@ pub struct Ingredients<'a> {
     /// Loop rate \[Hz\].
     pub rate_hz: u32,
     /// Solver's name.
-    pub solver: &'a str,
+    pub solver: String,
     /// The rig's results; none when the rig died.
     pub results: Option<Results>,
     /// How well the rig kept time; none in virtual time or when it died.
@@ -161,7 +161,7 @@ impl Summary {
             scenario: run.scenario.name.clone(),
             seed: run.seed,
             rate_hz: run.rate_hz,
-            solver: run.solver.into(),
+            solver: run.solver,
             verdict: if passed { Verdict::Pass } else { Verdict::Fail },
             timing_verdict: timing(&run.ecus, run.floor, period_ns),
             bus,

@@ -13,6 +13,7 @@
 //! None shares an equation or a parameter with the control law; `docs/plant.md` has the equations,
 //! the parameters with their sources, and what each is verified against.
 
+mod integration;
 mod prediction;
 pub mod scripted;
 mod single_track;
@@ -22,6 +23,8 @@ pub use prediction::{Prediction, PredictionParameters};
 pub use scripted::Scripted;
 pub use single_track::{NOMINAL_MASS_KG, SingleTrack, TruckParameters};
 pub use two_track::{TwoTrack, TwoTrackParameters};
+
+use integration::Integrable;
 
 use crate::rectangle::Rectangle;
 
@@ -36,6 +39,9 @@ pub const REAR_OVERHANG_M: f64 = 5.4;
 
 /// Width of the truck's box \[m\]; ours.
 pub const WIDTH_M: f64 = 2.5;
+
+/// Sideways and yaw motion of a standing truck below this is rounded to rest \[m/s, rad/s\].
+const REST_SPEED: f64 = 1e-6;
 
 /// What the bench sees of a truck's motion, whatever the model.
 ///
@@ -68,7 +74,26 @@ impl TruckState {
         Self { forward_mps, x_m, y_m, ..Self::default() }
     }
 
-    /// This state plus `dt_s` seconds of a derivative.
+    /// Clips what a passing stop left over: no backward speed, no endless decay at rest.
+    fn come_to_rest(&mut self) {
+        if self.forward_mps > 0.0 {
+            return;
+        }
+        self.forward_mps = 0.0;
+        if self.lateral_mps.abs() < REST_SPEED && self.yaw_radps.abs() < REST_SPEED {
+            (self.lateral_mps, self.yaw_radps) = (0.0, 0.0);
+        }
+    }
+
+    /// Speed along the road X' and across it Y' \[m/s\].
+    fn road_velocity_mps(&self) -> (f64, f64) {
+        let (sin, cos) = (libm::sin(self.heading_rad), libm::cos(self.heading_rad));
+        let (u, v) = (self.forward_mps, self.lateral_mps);
+        (u * cos - v * sin, u * sin + v * cos)
+    }
+}
+
+impl Integrable for TruckState {
     fn plus(&self, rate: &Self, dt_s: f64) -> Self {
         Self {
             forward_mps: self.forward_mps + dt_s * rate.forward_mps,
@@ -80,13 +105,6 @@ impl TruckState {
             force_n: self.force_n + dt_s * rate.force_n,
             steer_rad: self.steer_rad + dt_s * rate.steer_rad,
         }
-    }
-
-    /// Speed along the road X' and across it Y' \[m/s\].
-    fn road_velocity_mps(&self) -> (f64, f64) {
-        let (sin, cos) = (libm::sin(self.heading_rad), libm::cos(self.heading_rad));
-        let (u, v) = (self.forward_mps, self.lateral_mps);
-        (u * cos - v * sin, u * sin + v * cos)
     }
 }
 
@@ -106,6 +124,16 @@ pub struct BodyAcceleration {
     pub forward_mps2: f64,
     /// To the left, v' + u r \[m/s²\].
     pub lateral_mps2: f64,
+}
+
+impl BodyAcceleration {
+    /// Of a truck in a state that changes at `rate`.
+    fn of(state: &TruckState, rate: &TruckState) -> Self {
+        Self {
+            forward_mps2: rate.forward_mps - state.lateral_mps * state.yaw_radps,
+            lateral_mps2: rate.lateral_mps + state.forward_mps * state.yaw_radps,
+        }
+    }
 }
 
 /// How the sprung mass stands on its suspension, against a truck standing level (ISO 8855 signs).

@@ -18,7 +18,7 @@ use vcan_setup::realtime::environment;
 use super::{Outcome, Plan};
 use crate::bench::{ProgressMessage, RigReport};
 use crate::bus::BusChoice;
-use crate::cli::EcuChoice;
+use crate::cli::{EcuChoice, Word};
 use crate::failure::Failure;
 use crate::fault::FaultKind;
 use crate::gateway::{Buses, Gateway};
@@ -417,7 +417,7 @@ fn rig_arguments(
     let mut words = vec!["bench".into(), path_word(&folder.scenario())];
     words.extend(["--rate-hz".into(), plan.rate_hz.to_string()]);
     words.extend(["--seed".into(), run.seed.to_string()]);
-    words.extend(["--bus-timing".into(), run.bus_timing.word().into()]);
+    words.extend(["--bus-timing".into(), run.bus_timing.word()]);
     let separate: Vec<u8> = separate_ecus(plan).collect();
     let hosted = plan.ecus().filter(|truck| !separate.contains(truck));
     words.extend(hosted.flat_map(|truck| ["--host".into(), truck.to_string()]));

@@ -9,6 +9,7 @@ use traces::{Attachment, MergeOptions, MergeReport, PartReport, Source};
 
 use super::{Outcome, Plan, describe_environment};
 use crate::bus::BusChoice;
+use crate::cli::Word;
 use crate::run_folder::RunFolder;
 
 /// Merges what there is into `run.mcap` and removes the parts; what a killed process lost comes
@@ -42,8 +43,8 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         ("scenario".to_owned(), plan.scenario.name.clone()),
         ("seed".to_owned(), plan.args.run.seed.to_string()),
         ("rate_hz".to_owned(), plan.rate_hz.to_string()),
-        ("solver".to_owned(), plan.args.law_options.solver.word().to_owned()),
-        ("bus_timing".to_owned(), plan.args.run.bus_timing.word().to_owned()),
+        ("solver".to_owned(), plan.args.law_options.solver.word()),
+        ("bus_timing".to_owned(), plan.args.run.bus_timing.word()),
         ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
         ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),
     ]);

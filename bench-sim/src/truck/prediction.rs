@@ -19,13 +19,11 @@
 #[cfg(test)]
 mod tests;
 
+use super::integration::rk4_step;
 use super::{BodyAcceleration, Command, GRAVITY_MPS2, TruckState};
 
 /// Below this speed slip angles are taken over this speed \[m/s\]; ours.
 const SLIP_SPEED_MIN_MPS: f64 = 3.0;
-
-/// Sideways and yaw motion of a standing truck below this is rounded to rest \[m/s, rad/s\].
-const REST_SPEED: f64 = 1e-6;
 
 /// Calibration of one linear bicycle; defaults are the paper's Table II unless marked as ours.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -110,17 +108,8 @@ impl Prediction {
 
     /// Advances the truck by one classical Runge-Kutta step (RK4) under a constant command.
     pub fn step(&mut self, command: &Command, dt_s: f64) {
-        let start = self.state;
-        let k1 = self.rate(&start, command);
-        let k2 = self.rate(&start.plus(&k1, 0.5 * dt_s), command);
-        let k3 = self.rate(&start.plus(&k2, 0.5 * dt_s), command);
-        let k4 = self.rate(&start.plus(&k3, dt_s), command);
-        self.state = start
-            .plus(&k1, dt_s / 6.0)
-            .plus(&k2, dt_s / 3.0)
-            .plus(&k3, dt_s / 3.0)
-            .plus(&k4, dt_s / 6.0);
-        self.come_to_rest();
+        self.state = rk4_step(self.state, dt_s, |state| self.rate(state, command));
+        self.state.come_to_rest();
         self.accelerate(command);
     }
 
@@ -139,24 +128,8 @@ impl Prediction {
         &self.acceleration
     }
 
-    /// Clips what a passing stop left over: no backward speed, no endless decay at rest.
-    fn come_to_rest(&mut self) {
-        let state = &mut self.state;
-        if state.forward_mps > 0.0 {
-            return;
-        }
-        state.forward_mps = 0.0;
-        if state.lateral_mps.abs() < REST_SPEED && state.yaw_radps.abs() < REST_SPEED {
-            (state.lateral_mps, state.yaw_radps) = (0.0, 0.0);
-        }
-    }
-
     fn accelerate(&mut self, command: &Command) {
-        let (state, rate) = (self.state, self.rate(&self.state, command));
-        self.acceleration = BodyAcceleration {
-            forward_mps2: rate.forward_mps - state.lateral_mps * state.yaw_radps,
-            lateral_mps2: rate.lateral_mps + state.forward_mps * state.yaw_radps,
-        };
+        self.acceleration = BodyAcceleration::of(&self.state, &self.rate(&self.state, command));
     }
 
     /// The equations of motion at the top of this file.

@@ -29,10 +29,8 @@ pub use parameters::{NOMINAL_MASS_KG, TruckParameters};
 
 use tyre::{Axle, WheelForce};
 
+use super::integration::rk4_step;
 use super::{BodyAcceleration, Command, GRAVITY_MPS2, TruckState};
-
-/// Sideways and yaw motion of a standing truck below this is rounded to rest \[m/s, rad/s\].
-const REST_SPEED: f64 = 1e-6;
 
 /// One single-track truck: its calibration, its state, and the acceleration it last had.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,9 +43,9 @@ pub struct SingleTrack {
 impl SingleTrack {
     /// A truck in the state given, with nothing asked of it.
     pub fn new(parameters: TruckParameters, start: TruckState) -> Self {
-        let acceleration = BodyAcceleration::default();
-        let mut truck = Self { parameters, state: start, acceleration };
-        truck.acceleration = truck.body_acceleration(&Command::default());
+        let mut truck =
+            Self { parameters, state: start, acceleration: BodyAcceleration::default() };
+        truck.accelerate(&Command::default());
         truck
     }
 
@@ -56,18 +54,9 @@ impl SingleTrack {
     ///
     /// A stop inside the step is clipped to rest at the end of it, so standstill is exact.
     pub fn step(&mut self, command: &Command, dt_s: f64) {
-        let start = self.state;
-        let k1 = self.rate(&start, command);
-        let k2 = self.rate(&start.plus(&k1, 0.5 * dt_s), command);
-        let k3 = self.rate(&start.plus(&k2, 0.5 * dt_s), command);
-        let k4 = self.rate(&start.plus(&k3, dt_s), command);
-        self.state = start
-            .plus(&k1, dt_s / 6.0)
-            .plus(&k2, dt_s / 3.0)
-            .plus(&k3, dt_s / 3.0)
-            .plus(&k4, dt_s / 6.0);
-        self.come_to_rest();
-        self.acceleration = self.body_acceleration(command);
+        self.state = rk4_step(self.state, dt_s, |state| self.rate(state, command));
+        self.state.come_to_rest();
+        self.accelerate(command);
     }
 
     /// The truck's calibration.
@@ -85,24 +74,8 @@ impl SingleTrack {
         &self.acceleration
     }
 
-    /// Clips what a passing stop left over: no backward speed, no endless decay at rest.
-    fn come_to_rest(&mut self) {
-        if self.state.forward_mps > 0.0 {
-            return;
-        }
-        self.state.forward_mps = 0.0;
-        if self.state.lateral_mps.abs() < REST_SPEED && self.state.yaw_radps.abs() < REST_SPEED {
-            self.state.lateral_mps = 0.0;
-            self.state.yaw_radps = 0.0;
-        }
-    }
-
-    fn body_acceleration(&self, command: &Command) -> BodyAcceleration {
-        let rate = self.rate(&self.state, command);
-        BodyAcceleration {
-            forward_mps2: rate.forward_mps - self.state.lateral_mps * self.state.yaw_radps,
-            lateral_mps2: rate.lateral_mps + self.state.forward_mps * self.state.yaw_radps,
-        }
+    fn accelerate(&mut self, command: &Command) {
+        self.acceleration = BodyAcceleration::of(&self.state, &self.rate(&self.state, command));
     }
 
     /// The equations of motion at the top of this file.
@@ -117,7 +90,8 @@ impl SingleTrack {
         if state.forward_mps <= 0.0 {
             forward_mps2 = forward_mps2.max(0.0);
         }
-        let (x_mps, y_mps) = road_rate(state);
+        // The forward speed of a stage that overshot a stop counts as zero.
+        let (x_mps, y_mps) = TruckState { forward_mps: u, ..*state }.road_velocity_mps();
         TruckState {
             forward_mps: forward_mps2,
             lateral_mps: (front_left_n + rear.across_n) / p.mass_kg - u * r,
@@ -180,11 +154,4 @@ impl SingleTrack {
         let front_n = front_n.clamp(0.0, weight_n);
         (front_n, weight_n - front_n)
     }
-}
-
-/// X' and Y' of the CG \[m/s\]; the forward speed of a stage that overshot a stop counts as zero.
-fn road_rate(state: &TruckState) -> (f64, f64) {
-    let (sin, cos) = (libm::sin(state.heading_rad), libm::cos(state.heading_rad));
-    let (u, v) = (state.forward_mps.max(0.0), state.lateral_mps);
-    (u * cos - v * sin, u * sin + v * cos)
 }

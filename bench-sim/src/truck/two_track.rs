@@ -43,6 +43,7 @@ use actuators::{Torques, Turning, slip_control};
 use state::{AXLES, State, WHEELS};
 use suspension::Loading;
 
+use super::integration::rk4_step;
 use super::{Attitude, BodyAcceleration, Command, TruckState};
 
 /// Speed below which slip is damped \[m/s\].
@@ -129,16 +130,7 @@ impl TwoTrack {
     /// Advances the truck by one Runge-Kutta step under a constant command.
     pub fn step(&mut self, command: &Command, dt_s: f64) {
         self.break_away();
-        let start = self.state;
-        let k1 = self.rate(&start, command);
-        let k2 = self.rate(&start.plus(&k1, 0.5 * dt_s), command);
-        let k3 = self.rate(&start.plus(&k2, 0.5 * dt_s), command);
-        let k4 = self.rate(&start.plus(&k3, dt_s), command);
-        self.state = start
-            .plus(&k1, dt_s / 6.0)
-            .plus(&k2, dt_s / 3.0)
-            .plus(&k3, dt_s / 3.0)
-            .plus(&k4, dt_s / 6.0);
+        self.state = rk4_step(self.state, dt_s, |state| self.rate(state, command));
         self.state.slip = self.state.slip.map(|slip| slip.clamp(-SLIP_MAX, SLIP_MAX));
         self.state.tan_slip = self.state.tan_slip.map(|slip| slip.clamp(-SLIP_MAX, SLIP_MAX));
         self.lock_up();

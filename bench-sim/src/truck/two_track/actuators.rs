@@ -184,6 +184,7 @@ fn permitted(slip: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::truck::integration::Integrable;
 
     /// Drives the force actuators for a while at a constant speed.
     fn after(seconds: f64, forward_mps: f64, force_n: f64) -> (TwoTrackParameters, State) {

@@ -1,5 +1,7 @@
 //! Everything of the two-track truck that its equations of motion change.
 
+use crate::truck::integration::Integrable;
+
 /// Axles, front first.
 pub(super) const AXLES: usize = 2;
 /// Wheels: front left, front right, rear left, rear right.
@@ -52,9 +54,8 @@ pub(super) struct State {
     pub(super) twist_rad: f64,
 }
 
-impl State {
-    /// This state plus `dt_s` seconds of a derivative.
-    pub(super) fn plus(&self, rate: &Self, dt_s: f64) -> Self {
+impl Integrable for State {
+    fn plus(&self, rate: &Self, dt_s: f64) -> Self {
         Self {
             forward_mps: self.forward_mps + dt_s * rate.forward_mps,
             lateral_mps: self.lateral_mps + dt_s * rate.lateral_mps,
@@ -79,7 +80,9 @@ impl State {
             twist_rad: self.twist_rad + dt_s * rate.twist_rad,
         }
     }
+}
 
+impl State {
     /// Speed along the road X' and across it Y' \[m/s\].
     pub(super) fn road_velocity_mps(&self) -> (f64, f64) {
         let (sin, cos) = libm::sincos(self.heading_rad);
