@@ -25,6 +25,18 @@ pub struct FrameFlags {
     pub is_error: bool,
 }
 
+impl FrameFlags {
+    /// A classic data frame with an 11-bit identifier.
+    pub const CLASSIC: Self = Self {
+        is_extended: false,
+        is_fd: false,
+        brs: false,
+        esi: false,
+        is_rtr: false,
+        is_error: false,
+    };
+}
+
 /// A CAN frame. Accepts any traffic of a bus, not only the contract's, so that it can be recorded.
 ///
 /// Two frames are equal when identifier, flags, length and the data up to that length are.
@@ -210,25 +222,19 @@ fn split(id: Id) -> (u32, bool) {
 mod tests {
     use super::*;
 
-    const CLASSIC: FrameFlags = FrameFlags {
-        is_extended: false,
-        is_fd: false,
-        brs: false,
-        esi: false,
-        is_rtr: false,
-        is_error: false,
-    };
-
     #[test]
     fn frames_the_standard_does_not_know_are_refused() {
-        let fd = FrameFlags { is_fd: true, ..CLASSIC };
-        assert_eq!(Frame::new(0x800, CLASSIC, &[]), Err(FrameError::Id));
-        let extended = FrameFlags { is_extended: true, ..CLASSIC };
+        let fd = FrameFlags { is_fd: true, ..FrameFlags::CLASSIC };
+        assert_eq!(Frame::new(0x800, FrameFlags::CLASSIC, &[]), Err(FrameError::Id));
+        let extended = FrameFlags { is_extended: true, ..FrameFlags::CLASSIC };
         assert_eq!(Frame::new(0x2000_0000, extended, &[]), Err(FrameError::Id));
-        assert_eq!(Frame::new(1, CLASSIC, &[0; 9]), Err(FrameError::Length));
+        assert_eq!(Frame::new(1, FrameFlags::CLASSIC, &[0; 9]), Err(FrameError::Length));
         assert_eq!(Frame::new(1, fd, &[0; 9]), Err(FrameError::Length));
         assert_eq!(Frame::new(1, fd, &[0; 65]), Err(FrameError::Length));
-        assert_eq!(Frame::new(1, FrameFlags { brs: true, ..CLASSIC }, &[]), Err(FrameError::Flags));
+        assert_eq!(
+            Frame::new(1, FrameFlags { brs: true, ..FrameFlags::CLASSIC }, &[]),
+            Err(FrameError::Flags)
+        );
         assert_eq!(Frame::new(1, FrameFlags { is_error: true, ..fd }, &[]), Err(FrameError::Flags));
         assert_eq!(Frame::remote(1, false, 9), Err(FrameError::Length));
     }

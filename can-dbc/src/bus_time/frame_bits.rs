@@ -173,15 +173,8 @@ impl Stream {
 mod tests {
     use super::*;
 
-    const CLASSIC: FrameFlags = FrameFlags {
-        is_extended: false,
-        is_fd: false,
-        brs: false,
-        esi: false,
-        is_rtr: false,
-        is_error: false,
-    };
-    const FD: FrameFlags = FrameFlags { is_extended: true, is_fd: true, brs: true, ..CLASSIC };
+    const FD: FrameFlags =
+        FrameFlags { is_extended: true, is_fd: true, brs: true, ..FrameFlags::CLASSIC };
 
     fn fd(length: usize, fill: u8) -> Frame {
         // An identifier that alternates enough to need no stuff bit.
@@ -199,11 +192,11 @@ mod tests {
 
     #[test]
     fn the_longest_frames_have_the_bits_of_the_published_formulas() {
-        let extended = FrameFlags { is_extended: true, ..CLASSIC };
+        let extended = FrameFlags { is_extended: true, ..FrameFlags::CLASSIC };
         for length in 0..=8 {
             let bits = |flags| FrameBits::most(flags, length);
             let davis = |constant| constant + 10 * length as u64;
-            assert_eq!(bits(CLASSIC), FrameBits { nominal: davis(55), fast: 0 });
+            assert_eq!(bits(FrameFlags::CLASSIC), FrameBits { nominal: davis(55), fast: 0 });
             assert_eq!(bits(extended), FrameBits { nominal: davis(80), fast: 0 });
         }
         // 48 + 8 bits and 294 + 65 bits: 297 bits are stuffed, 36 of them before the switch.

@@ -6,14 +6,6 @@ use crate::random::Random;
 use platoon_dbc::bus_time::{BusTiming, FrameBits};
 use platoon_dbc::{Frame, FrameFlags};
 
-const CLASSIC: FrameFlags = FrameFlags {
-    is_extended: false,
-    is_fd: false,
-    brs: false,
-    esi: false,
-    is_rtr: false,
-    is_error: false,
-};
 const FRAMES: usize = 100_000;
 
 /// A frame of any kind that CAN knows. Data and identifiers of few distinct bits are frequent,
@@ -105,7 +97,8 @@ fn classic_frames_have_the_bits_that_canbusload_counts() {
         (0x1F07_C1F0, true, &[0xF8, 0x7C, 0x1F, 0x07, 0xC1, 0xF0, 0x7C, 0x1F], 150),
     ];
     for (id, is_extended, data, bits) in vectors {
-        let frame = Frame::new(id, FrameFlags { is_extended, ..CLASSIC }, data).expect("valid");
+        let frame =
+            Frame::new(id, FrameFlags { is_extended, ..FrameFlags::CLASSIC }, data).expect("valid");
         assert_eq!(FrameBits::of(&frame), FrameBits { nominal: bits, fast: 0 }, "{frame:?}");
     }
 }
