@@ -81,6 +81,7 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     let stop = process::stop_flag()?;
     let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
     let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
+    let calibration = calibration::asked_for(calibration, &args.law_options, args.run.profile)?;
     let rate_hz = args.run.rate_hz()?;
     let trucks = scenario.platoon.trucks;
     let driven = |truck: usize| truck < trucks && scenario.has_ecu(truck);

@@ -5,7 +5,7 @@
 
 use bench_sim::Scenario;
 use platoon_dbc::bus_time::{self, BusTiming, Stream, Urgency};
-use platoon_dbc::{FrameFlags, MessageInfo, Profile, V2vOut};
+use platoon_dbc::{FrameFlags, MessageInfo, Profile, V2vTrajectory, V2vTrajectoryOut};
 
 /// Share of a bus that may be planned for; above, a retransmission or two upset the rest.
 const PLANNED_PERCENT_MAX: f64 = 80.0;
@@ -21,6 +21,8 @@ const NS_PER_S: u64 = 1_000_000_000;
 #[derive(Debug, Clone)]
 pub struct BusPlan {
     profile: Profile,
+    /// What such a bus carries in this run.
+    messages: Vec<&'static MessageInfo>,
     /// Per truck.
     trucks: Vec<Vec<PlannedStream>>,
 }
@@ -51,11 +53,15 @@ pub struct BusFit {
 }
 
 impl BusPlan {
-    /// The traffic of a scenario, carried as a profile says, at a loop rate.
-    pub fn of(scenario: &Scenario, profile: Profile, rate_hz: u32) -> Self {
-        let traffic = Traffic::new(scenario, profile, rate_hz);
+    /// The traffic of a scenario, carried as a profile says, at a loop rate; `announces` when trucks
+    /// tell each other their plans.
+    pub fn of(scenario: &Scenario, profile: Profile, rate_hz: u32, announces: bool) -> Self {
+        let is_plan = |id| [V2vTrajectory::ID, V2vTrajectoryOut::ID].contains(&id);
+        let carried = profile.messages().iter().filter(|m| announces || !is_plan(m.id));
+        let messages: Vec<_> = carried.collect();
+        let traffic = Traffic::new(scenario, &messages, rate_hz);
         let trucks = (0..scenario.platoon.trucks).map(|truck| traffic.of_truck(truck)).collect();
-        Self { profile, trucks }
+        Self { profile, trucks, messages }
     }
 
     /// Whether its frames are FD frames, with a data phase of their own.
@@ -83,10 +89,9 @@ impl BusPlan {
 
     /// What the plan comes to at these bit rates.
     pub fn at(&self, timing: BusTiming) -> BusFit {
-        let messages = self.profile.messages().iter();
         let mut fit = BusFit {
             load_percent: Vec::new(),
-            responses: messages.map(|message| (message, Some(0))).collect(),
+            responses: self.messages.iter().map(|&message| (message, Some(0))).collect(),
             fits: true,
         };
         for (truck, planned) in self.trucks.iter().enumerate() {
@@ -128,7 +133,7 @@ fn frame_flags(profile: Profile) -> FrameFlags {
 /// What decides how often messages come.
 struct Traffic<'a> {
     scenario: &'a Scenario,
-    messages: &'static [MessageInfo],
+    messages: &'a [&'static MessageInfo],
     /// The loop's period \[ns\].
     tick_ns: u64,
     /// The cycle time by which the DBC means the loop's period \[ms\].
@@ -136,8 +141,7 @@ struct Traffic<'a> {
 }
 
 impl<'a> Traffic<'a> {
-    fn new(scenario: &'a Scenario, profile: Profile, rate_hz: u32) -> Self {
-        let messages = profile.messages();
+    fn new(scenario: &'a Scenario, messages: &'a [&'static MessageInfo], rate_hz: u32) -> Self {
         let cycles_ms = messages.iter().map(|message| message.cycle_time_ms);
         Self {
             scenario,
@@ -154,10 +158,11 @@ impl<'a> Traffic<'a> {
         let seen = self.scenario.obstacles.len() + truck;
         let has_ecu = self.scenario.has_ecu(truck);
         let sent = self.messages.iter().filter(|message| has_ecu || message.sender != ECU);
-        let streams = sent.flat_map(|message| {
+        let streams = sent.flat_map(|&message| {
             let (stream, count) = match message.name {
-                name if name.starts_with("V2vOut") => (self.cyclic(message), 1),
-                name if name.starts_with("V2v") => (self.relayed(message), heard),
+                name if name.starts_with("V2v") && message.sender != ECU => {
+                    (self.relayed(message), heard)
+                }
                 name if name.starts_with("Obstacle") => (self.cyclic(message), seen.min(OBSTACLES)),
                 _ => (self.cyclic(message), 1),
             };
@@ -181,7 +186,7 @@ impl<'a> Traffic<'a> {
     /// A message of another truck, as the radio delivers it.
     fn relayed(&self, message: &'static MessageInfo) -> PlannedStream {
         let v2v = &self.scenario.v2v;
-        let broadcast_ns = (u64::from(V2vOut::CYCLE_TIME_MS) * NS_PER_MS).max(self.tick_ns);
+        let broadcast_ns = (u64::from(message.cycle_time_ms) * NS_PER_MS).max(self.tick_ns);
         let grid_ns = if broadcast_ns.is_multiple_of(self.tick_ns) { 0 } else { self.tick_ns };
         // The radio passes on every so many broadcasts.
         let period_ns = broadcast_ns * ((v2v.period_s * 1e9) as u64 / broadcast_ns).max(1);
@@ -209,7 +214,7 @@ mod tests {
     }
 
     fn fits(profile: Profile, rate_hz: u32) -> bool {
-        BusPlan::of(&obstacle_avoidance(), profile, rate_hz).at(profile.timing()).fits
+        BusPlan::of(&obstacle_avoidance(), profile, rate_hz, false).at(profile.timing()).fits
     }
 
     #[test]
@@ -220,17 +225,31 @@ mod tests {
 
     #[test]
     fn a_faster_bus_carries_what_a_slower_one_cannot() {
-        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 2000);
+        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 2000, false);
         let rates = plan.fitting_rate().expect("the fastest ones are fast enough");
         assert_eq!(rates.to_string(), "1M/5M");
         assert!(plan.at(rates).fits && !plan.at(BusTiming::fd(500_000, 5_000_000)).fits);
-        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 10_000);
+        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 10_000, false);
         assert_eq!(plan.fitting_rate(), None);
     }
 
     #[test]
+    fn announced_plans_cost_each_bus_a_share_and_fit_at_1_khz() {
+        let fit = |announces| {
+            BusPlan::of(&obstacle_avoidance(), Profile::Fd, 1000, announces)
+                .at(Profile::Fd.timing())
+        };
+        let (without, with) = (fit(false), fit(true));
+        assert!(with.fits);
+        assert_eq!((without.responses.len(), with.responses.len()), (7, 9));
+        for (without, with) in without.load_percent.iter().zip(&with.load_percent) {
+            assert!((0.3..5.0).contains(&(with - without)), "{without} {with}");
+        }
+    }
+
+    #[test]
     fn overload_is_told_and_leaves_the_urgent_their_bound() {
-        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 2000);
+        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 2000, false);
         let fit = plan.at(Profile::Fd.timing());
         assert!(fit.load_percent.iter().all(|&percent| percent > 100.0));
         let response = |name| fit.responses.iter().find(|(m, _)| m.name == name).expect(name).1;
@@ -240,7 +259,7 @@ mod tests {
 
     #[test]
     fn a_truck_hears_the_leader_and_its_predecessor_and_sees_those_ahead() {
-        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 1000);
+        let plan = BusPlan::of(&obstacle_avoidance(), Profile::Fd, 1000, false);
         let count = |truck: usize, name: &str| {
             plan.trucks()[truck].iter().filter(|planned| planned.message.name == name).count()
         };

@@ -6,7 +6,7 @@ use std::path::Path;
 use controller_rt::{Clarabel, Controller, LawController};
 use law::qp::ActiveSet;
 use law::{Calibration, Law};
-use platoon_dbc::Vehicle;
+use platoon_dbc::{Profile, Vehicle};
 
 use crate::cli::{LawArgs, SolverKind};
 use crate::failure::Failure;
@@ -46,9 +46,27 @@ pub fn from_file(path: Option<&Path>) -> Result<Calibration, Failure> {
     from_table(&source, &table)
 }
 
+/// The calibration with what the options say about it, on buses of a profile.
+///
+/// # Errors
+/// When such buses do not carry what its controller sends.
+pub fn asked_for(
+    calibration: Calibration,
+    options: &LawArgs,
+    profile: Profile,
+) -> Result<Calibration, Failure> {
+    let calibration = options.applied_to(calibration);
+    if calibration.structure.announces() && profile == Profile::J1939 {
+        return Err(Failure::usage(
+            "--controller dmpc-pf and dmpc-plf announce trajectories of 57 bytes, which the profile \
+             j1939 does not carry; use --profile fd, or another --controller",
+        ));
+    }
+    Ok(calibration)
+}
+
 /// The paper's law as asked for, ready for an ECU.
 pub fn controller(calibration: Calibration, options: &LawArgs) -> Box<dyn Controller> {
-    let calibration = options.applied_to(calibration);
     match options.solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
         SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),

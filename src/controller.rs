@@ -22,6 +22,7 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     }
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
+    let calibration = calibration::asked_for(calibration, &args.law_options, args.profile)?;
     let controller = calibration::controller(calibration, &args.law_options);
     let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
     let folder = RunFolder::open(&args.out)?;

@@ -87,7 +87,7 @@ impl<'a> Plan<'a> {
         }
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
         let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
-        let calibration = args.law_options.applied_to(calibration);
+        let calibration = calibration::asked_for(calibration, &args.law_options, args.run.profile)?;
         let rate_hz = args.run.rate_hz()?;
         let plan = Self { args, scenario, calibration, rate_hz };
         let first = usize::from(!plan.scenario.has_ecu(0));
@@ -188,6 +188,7 @@ impl<'a> Plan<'a> {
             floor: outcome.floor.as_ref(),
             bus: (bus.backend().into(), bus.reason.clone(), bus.interfaces(self.trucks())),
             profile: self.args.run.profile,
+            announces: self.calibration.structure.announces(),
             bus_timing: self.args.run.bus_timing,
             profile_cost: cost,
             elapsed_s,

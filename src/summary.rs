@@ -122,6 +122,8 @@ pub struct Ingredients<'a> {
     pub bus: (String, String, Vec<String>),
     /// How it carried messages.
     pub profile: Profile,
+    /// Whether trucks told each other their plans.
+    pub announces: bool,
     /// Whether frames took their time.
     pub bus_timing: BusTimingKind,
     /// What the profile cost against CAN FD.

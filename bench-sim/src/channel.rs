@@ -124,6 +124,11 @@ impl<M: Copy> Channel<M> {
         Broadcast::Sent
     }
 
+    /// Whether anybody has ever broadcast here.
+    pub(crate) fn has_carried(&self) -> bool {
+        self.newest_ns.iter().any(Option::is_some)
+    }
+
     /// Hands every message that is due at `now_ns` to `receive(to, message)`, oldest first on each
     /// link.
     pub(crate) fn deliver(&mut self, now_ns: u64, mut receive: impl FnMut(usize, &M)) {

@@ -20,7 +20,7 @@ mod results;
 #[cfg(test)]
 mod tests;
 
-use platoon_dbc::{Bus, EcuMode, Profile, RunState, V2vState, Vehicle};
+use platoon_dbc::{Bus, EcuMode, Message, Profile, RunState, V2vState, V2vTrajectory, Vehicle};
 use traces::Recorder;
 
 use crate::channel::Channel;
@@ -88,6 +88,7 @@ struct Due {
     mission_ns: u64,
     truth_ns: u64,
     leader_ns: u64,
+    leader_plan_ns: u64,
 }
 
 /// The test bench. See the module's description.
@@ -102,6 +103,8 @@ pub struct Rig {
     detectors: Vec<Detector>,
     snapshots: Vec<Snapshot>,
     channel: Channel<V2vState>,
+    /// The same links for announced trajectories: as late and as lossy.
+    plans: Channel<V2vTrajectory>,
     metrics: Metrics,
     tap: Tap,
     due: Due,
@@ -148,6 +151,7 @@ impl Rig {
             detectors: (0..count).map(|t| Detector::new(&scenario.sensors, seed, t)).collect(),
             snapshots: vec![Snapshot::default(); count],
             channel: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
+            plans: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
             metrics: Metrics::new(scenario),
             tap: Tap::new(recorder, keeps_early),
             due: Due::default(),
@@ -322,10 +326,22 @@ impl Rig {
     fn drain(&mut self) {
         self.tap.time_ns = self.time_ns();
         for (truck, node) in self.nodes.iter_mut().enumerate() {
-            let (channel, now_ns) = (&mut self.channel, self.tap.time_ns);
-            node.drain(&mut self.tap, |heard| {
-                let generated_ns = heard.generation_time_ns;
-                channel.broadcast(truck, generated_ns, now_ns, publish::relayed(truck, heard));
+            let (channel, plans, now_ns) = (&mut self.channel, &mut self.plans, self.tap.time_ns);
+            node.drain(&mut self.tap, |message| match message {
+                Message::V2vOut(heard) => {
+                    let generated_ns = heard.generation_time_ns;
+                    channel.broadcast(truck, generated_ns, now_ns, publish::relayed(truck, heard));
+                }
+                Message::V2vTrajectoryOut(heard) => {
+                    let generated_ns = heard.generation_time_ns;
+                    plans.broadcast(
+                        truck,
+                        generated_ns,
+                        now_ns,
+                        publish::relayed_plan(truck, heard),
+                    );
+                }
+                _ => {}
             });
         }
     }

@@ -230,6 +230,14 @@ impl Truck {
         self.observe();
     }
 
+    /// The speeds a script has in store, at N points `step_s` apart \[m/s\]; `None` without script.
+    pub fn scripted_speeds<const N: usize>(&self, step_s: f64) -> Option<[f64; N]> {
+        match &self.model {
+            Model::Scripted(model) => Some(model.speeds(step_s)),
+            Model::SingleTrack(_) | Model::TwoTrack(_) | Model::Prediction(_) => None,
+        }
+    }
+
     /// The truck's state.
     pub fn state(&self) -> &TruckState {
         &self.state

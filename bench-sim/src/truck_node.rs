@@ -11,7 +11,7 @@ mod tests;
 
 use platoon_dbc::{
     Bus, CommandGrain, Decoder, EcuMode, Encoder, Frame, Heard, Message, Profile, Received,
-    Refusal, V2vOut, Vehicle,
+    Refusal, Vehicle,
 };
 use serde::{Deserialize, Serialize};
 use traces::FrameRecord;
@@ -163,9 +163,9 @@ impl TruckNode {
         }
     }
 
-    /// Reads the bus and acts on every frame that passes its checks; broadcasts of the truck's
-    /// radio go to `radio`.
-    pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&V2vOut)) {
+    /// Reads the bus and acts on every frame that passes its checks; what is for the truck's radio
+    /// goes to `radio`.
+    pub(crate) fn drain(&mut self, tap: &mut Tap, mut radio: impl FnMut(&Message)) {
         self.waiting.looked(tap.time_ns);
         while let Some(frame) = self.waiting.overdue() {
             self.unechoed(frame, tap);
@@ -185,9 +185,9 @@ impl TruckNode {
                 Some(Message::Actuation(command)) => {
                     self.watch.accept(&command, tap.tick, &mut self.counts);
                 }
-                Some(Message::V2vOut(broadcast)) => radio(&broadcast),
                 Some(Message::EcuStatus(status)) => self.ecu_mode = Some(status.ecu_mode),
-                Some(_) | None => {}
+                Some(for_radio) => radio(&for_radio),
+                None => {}
             }
         }
         self.counts.drain_cut += 1;
@@ -257,10 +257,14 @@ impl TruckNode {
         counts.counter_jumps += u64::from(lost > 0);
         counts.missing += u64::from(lost);
         let message = message?;
-        if !matches!(message, Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_)) {
-            counts.unknown += 1;
-            return None;
-        }
-        Some(message)
+        let is_of_ecu = matches!(
+            message,
+            Message::Actuation(_)
+                | Message::V2vOut(_)
+                | Message::V2vTrajectoryOut(_)
+                | Message::EcuStatus(_)
+        );
+        counts.unknown += u64::from(!is_of_ecu);
+        is_of_ecu.then_some(message)
     }
 }

@@ -51,13 +51,21 @@ fn struct_code(message: &Message) -> String {
     out + "}\n\n"
 }
 
-/// A paged field speaks for all pages, so the page number leaves its comment.
+/// A paged field speaks for all pages, so the page number leaves its comment; a series has those
+/// of its first and last.
 fn field_comment(message: &Message, field: &Field) -> String {
     let comment = &message.signals[field.signal].comment;
+    if let Some(count) = field.series {
+        let last = &message.signals[field.signal + count - 1].comment;
+        return format!("First: {comment} Last: {last}");
+    }
     if field.is_paged { comment.replace("slot 0", "the slot") } else { comment.clone() }
 }
 
 fn field_type(field: &Field) -> String {
+    if let Some(count) = field.series {
+        return format!("[f64; {count}]");
+    }
     match &field.kind {
         FieldKind::Physical => "f64".into(),
         FieldKind::Integer(name) => (*name).into(),
@@ -163,16 +171,22 @@ fn is_multiplexor(message: &Message, field: &Field) -> bool {
     message.signals[field.signal].is_multiplexor
 }
 
-/// Where the field's signal is found: in the whole message or in the page chosen at run time.
+/// Where the field's signals are found: in the whole message or in the page chosen at run time.
 fn signal_place(field: &Field, pages: &Option<Pages>) -> String {
     match pages {
         Some(pages) if field.is_paged => format!("&page[{}]", field.signal - pages.first),
-        _ => format!("&s[{}]", field.signal),
+        _ => match field.series {
+            Some(count) => format!("&s[{}..{}]", field.signal, field.signal + count),
+            None => format!("&s[{}]", field.signal),
+        },
     }
 }
 
 fn encode_line(message: &Message, field: &Field) -> String {
     let (place, name) = (signal_place(field, &message.pages), &field.name);
+    if field.series.is_some() {
+        return format!("codec::put_series(&mut payload, {place}, &self.{name})?;\n");
+    }
     let (put, value) = match field.kind {
         FieldKind::Physical => ("put_physical", format!("self.{name}")),
         FieldKind::Integer(_) => ("put_integer", format!("self.{name}.into()")),
@@ -185,6 +199,9 @@ fn encode_line(message: &Message, field: &Field) -> String {
 
 fn decode_line(field: &Field, pages: &Option<Pages>) -> String {
     let (place, name) = (signal_place(field, pages), &field.name);
+    if field.series.is_some() {
+        return format!("{name}: codec::series(payload, {place})?,\n");
+    }
     match &field.kind {
         FieldKind::Physical => format!("{name}: codec::physical(payload, {place})?,\n"),
         FieldKind::Integer(_) => format!("{name}: codec::integer(payload, {place})? as _,\n"),
@@ -210,10 +227,12 @@ fn default_code(message: &Message) -> String {
 fn start_line(message: &Message, field: &Field) -> String {
     let signal = &message.signals[field.signal];
     let (name, raw) = (&field.name, signal.raw_start);
+    let start = raw as f64 * signal.factor + signal.offset;
     match &field.kind {
-        FieldKind::Physical => {
-            format!("{name}: {:?},\n", raw as f64 * signal.factor + signal.offset)
-        }
+        FieldKind::Physical => match field.series {
+            Some(count) => format!("{name}: [{start:?}; {count}],\n"),
+            None => format!("{name}: {start:?},\n"),
+        },
         FieldKind::Integer(_) => format!("{name}: {raw},\n"),
         FieldKind::Enumeration(kind) => {
             let variant = signal.values.iter().find(|(value, _)| *value == raw);

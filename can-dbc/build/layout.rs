@@ -125,11 +125,9 @@ pub(crate) fn find_pages(signals: &[Signal]) -> Result<Option<Pages>, String> {
         let page = (index / stride) as u64;
         let model = &paged[index % stride];
         let alike = signal.page == Some(page)
-            && page_base_name(signal, page)? == page_base_name(model, 0)?
-            && (signal.start_bit, signal.size, signal.signed)
-                == (model.start_bit, model.size, model.signed)
-            && (signal.factor, signal.offset, &signal.unit, &signal.values)
-                == (model.factor, model.offset, &model.unit, &model.values);
+            && base_name(signal, page)? == base_name(model, 0)?
+            && signal.start_bit == model.start_bit
+            && are_alike(signal, model);
         if !alike {
             return Err(format!("signal {}: pages must be alike and count from 0", signal.name));
         }
@@ -141,9 +139,35 @@ pub(crate) fn find_pages(signals: &[Signal]) -> Result<Option<Pages>, String> {
     Ok(Some(Pages { multiplexor, first, stride, count }))
 }
 
-/// `Kind_3` of page 3 is the page's `Kind`.
-pub(crate) fn page_base_name(signal: &Signal, page: u64) -> Result<&str, String> {
-    let suffix = format!("_{page}");
+/// Length of the series that begins with the first signal: `Speed_0`, `Speed_1` and so on, on no
+/// page and alike; `None` when none begins there.
+pub(crate) fn series(signals: &[Signal]) -> Result<Option<usize>, String> {
+    let Some((first, rest)) = signals.split_first() else { return Ok(None) };
+    let (None, Ok(base)) = (first.page, base_name(first, 0)) else { return Ok(None) };
+    let is_member = |(index, signal): (usize, &Signal)| {
+        base_name(signal, index as u64 + 1).is_ok_and(|name| name == base)
+    };
+    let more = rest.iter().enumerate().take_while(|&member| is_member(member)).count();
+    let is_number = first.codes.is_none() && first.values.is_empty() && first.factor != 1.0;
+    match rest[..more].iter().find(|signal| !is_number || !are_alike(signal, first)) {
+        Some(signal) => Err(format!("signal {}: a series is of scaled, like numbers", signal.name)),
+        None if more == 0 => Ok(None),
+        None => Ok(Some(more + 1)),
+    }
+}
+
+/// Whether two signals carry the same kind of value.
+fn are_alike(signal: &Signal, model: &Signal) -> bool {
+    (signal.size, signal.signed) == (model.size, model.signed)
+        && (signal.factor, signal.offset, &signal.unit, &signal.values)
+            == (model.factor, model.offset, &model.unit, &model.values)
+}
+
+/// `Kind_3` of page 3, or member 3 of a series, is `Kind`.
+pub(crate) fn base_name(signal: &Signal, number: u64) -> Result<&str, String> {
+    let suffix = format!("_{number}");
     let base = signal.name.strip_suffix(suffix.as_str());
-    base.ok_or_else(|| format!("signal {}: in page {page} it must end in {suffix}", signal.name))
+    base.ok_or_else(|| {
+        format!("signal {}: as number {number} it must end in {suffix}", signal.name)
+    })
 }

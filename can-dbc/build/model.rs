@@ -46,6 +46,8 @@ pub(crate) struct Field {
     pub(crate) kind: FieldKind,
     /// Index in `Message::signals`; for a paged field, that of page 0.
     pub(crate) signal: usize,
+    /// Signals of a series, `Speed_0` to `Speed_20`, that make one array.
+    pub(crate) series: Option<usize>,
     pub(crate) is_paged: bool,
 }
 
@@ -166,16 +168,23 @@ impl Contract {
     ) -> Result<Vec<Field>, String> {
         let last = pages.map_or(signals.len(), |pages| pages.first + pages.stride);
         let mut fields = Vec::new();
+        let mut next = 0;
         for (index, signal) in signals.iter().enumerate().take(last) {
+            if index < next {
+                continue;
+            }
+            let series = layout::series(&signals[index..last])?;
+            next = index + series.unwrap_or(1);
             if RESERVED.contains(&signal.name.as_str()) {
                 continue;
             }
             let base = match signal.page {
-                Some(page) => layout::page_base_name(signal, page)?,
+                Some(page) => layout::base_name(signal, page)?,
                 // The multiplexor of Obstacle is ObstaclePage; as a field of Obstacle it is `page`.
                 None if signal.is_multiplexor => {
                     signal.name.strip_prefix(message).unwrap_or(&signal.name)
                 }
+                None if series.is_some() => layout::base_name(signal, 0)?,
                 None => &signal.name,
             };
             let suffix = names::unit_suffix(&signal.unit).ok_or_else(|| {
@@ -185,6 +194,7 @@ impl Contract {
                 name: names::snake_case(base) + suffix,
                 kind: self.field_kind(message, base, signal)?,
                 signal: index,
+                series,
                 is_paged: signal.page.is_some(),
             });
         }

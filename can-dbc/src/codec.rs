@@ -9,7 +9,7 @@ use crate::catalogue::{MessageInfo, SignalInfo};
 use crate::frame::Frame;
 use crate::reading::Reading;
 
-/// Why a message was not encoded. Carries the name of the signal in the DBC.
+/// Why a message was not encoded. Carries the name of the signal in the DBC, or of the profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EncodeError {
     /// The value is NaN.
@@ -18,6 +18,9 @@ pub enum EncodeError {
     /// The value leaves the DBC's range.
     #[error("{0} is out of the range the DBC allows")]
     OutOfRange(&'static str),
+    /// The profile has no frames for the message.
+    #[error("the profile {0} does not carry this message; the profile fd does")]
+    NotInProfile(&'static str),
 }
 
 /// Why a frame was not decoded.
@@ -65,6 +68,15 @@ pub(crate) fn put_physical(
     put_integer(payload, signal, raw as i128)
 }
 
+/// Writes a series of scaled signals.
+pub(crate) fn put_series<const N: usize>(
+    payload: &mut Payload,
+    signals: &[SignalInfo],
+    values: &[f64; N],
+) -> Result<(), EncodeError> {
+    signals.iter().zip(values).try_for_each(|(signal, &value)| put_physical(payload, signal, value))
+}
+
 /// Writes a scaled signal or the code that stands for no value.
 pub(crate) fn put_reading(
     payload: &mut Payload,
@@ -106,6 +118,18 @@ pub(crate) fn integer(payload: &Payload, signal: &SignalInfo) -> Result<i64, Dec
 /// Reads a scaled signal.
 pub(crate) fn physical(payload: &Payload, signal: &SignalInfo) -> Result<f64, DecodeError> {
     integer(payload, signal).map(|raw| raw as f64 * signal.factor + signal.offset)
+}
+
+/// Reads a series of scaled signals.
+pub(crate) fn series<const N: usize>(
+    payload: &Payload,
+    signals: &[SignalInfo],
+) -> Result<[f64; N], DecodeError> {
+    let mut values = [0.0; N];
+    for (value, signal) in values.iter_mut().zip(signals) {
+        *value = physical(payload, signal)?;
+    }
+    Ok(values)
 }
 
 /// Reads a scaled signal that may have no value.

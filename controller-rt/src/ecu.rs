@@ -276,6 +276,9 @@ impl Ecu {
         // A truck that does not know where it is says nothing rather than something old.
         if let (Some(decision), Some(ego)) = (decision, self.picture.ego()) {
             self.outbox.broadcast(bus, slot.time_ns, ego, decision.intended_accel_mps2);
+            if let Some(plan) = &decision.announced {
+                self.outbox.announce(bus, slot.time_ns, plan);
+            }
         }
         self.outbox.status(bus, slot.time_ns, self.mode, health(&self.config, &self.statistics));
     }

@@ -1,7 +1,9 @@
 //! From the ECU onto the bus: commands, broadcasts, status. Nothing is ever sent twice.
 
+use law::dmpc::Plan;
 use platoon_dbc::{
     Actuation, ActuationStatus, Bus, EcuMode, EcuStatus, EgoState, Encoder, Message, V2vOut,
+    V2vTrajectoryOut,
 };
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +51,7 @@ pub struct Outbox {
 pub struct OutboxState {
     encoder: Encoder,
     broadcast_sequence: u16,
+    plan_sequence: u16,
     next_broadcast_ns: u64,
 }
 
@@ -57,7 +60,12 @@ impl Outbox {
     #[must_use]
     pub fn new(encoder: Encoder) -> Self {
         Self {
-            state: OutboxState { encoder, broadcast_sequence: 0, next_broadcast_ns: 0 },
+            state: OutboxState {
+                encoder,
+                broadcast_sequence: 0,
+                plan_sequence: 0,
+                next_broadcast_ns: 0,
+            },
             next_status_ns: 0,
             counts: OutboxCounts::default(),
         }
@@ -120,6 +128,21 @@ impl Outbox {
             intended_accel_mps2,
         };
         self.send(bus, &Message::V2vOut(state), now_ns);
+    }
+
+    /// Sends the trajectory the truck plans to the other trucks.
+    ///
+    /// Its positions stay here: whoever hears it integrates the speeds ([`Plan::from_speeds`]).
+    pub fn announce(&mut self, bus: &mut dyn Bus, now_ns: u64, plan: &Plan) {
+        let sequence = self.state.plan_sequence;
+        self.state.plan_sequence = sequence.wrapping_add(1);
+        let trajectory = V2vTrajectoryOut {
+            sequence,
+            generation_time_ns: plan.start_ns,
+            position_x_m: plan.x_m[0],
+            speed_mps: plan.speed_mps,
+        };
+        self.send(bus, &Message::V2vTrajectoryOut(trajectory), now_ns);
     }
 
     /// Sends the ECU's status when 100 ms have passed.
@@ -185,6 +208,29 @@ mod tests {
                 let Message::V2vOut(state) = message else { panic!("{message:?}") };
                 assert_eq!((usize::from(state.sequence), usize::from(*counter)), (n, n));
             }
+        }
+    }
+
+    #[test]
+    fn an_announced_plan_reaches_the_listener_within_millimetres() {
+        let (mut rig, mut ecu) = Loopback::pair("loopback0", 4);
+        let mut outbox = outbox();
+        // Accelerating as hard as a truck can, then steady: its true positions, not the trapezoid's.
+        let mut plan = Plan::steady(7 * MS, 1234.567_89, 15.0);
+        for k in 1..plan.x_m.len() {
+            let t = 0.1 * k as f64;
+            let (grows_s, rest_s) = (t.min(1.3), (t - 1.3).max(0.0));
+            plan.speed_mps[k] = 15.0 + 3.4 * grows_s;
+            plan.x_m[k] = plan.x_m[0] + 15.0 * t + 1.7 * grows_s * grows_s + 3.4 * 1.3 * rest_s;
+        }
+        outbox.announce(&mut ecu, 8 * MS, &plan);
+        let Message::V2vTrajectoryOut(heard) = received(&mut rig)[0].0 else { panic!("sent") };
+        let heard =
+            Plan::from_speeds(heard.generation_time_ns, heard.position_x_m, &heard.speed_mps);
+        assert_eq!(heard.start_ns, plan.start_ns);
+        for k in 0..plan.x_m.len() {
+            assert!((heard.x_m[k] - plan.x_m[k]).abs() < 3e-3, "{k}");
+            assert!((heard.speed_mps[k] - plan.speed_mps[k]).abs() <= 1.001e-3, "{k}");
         }
     }
 

@@ -4,8 +4,11 @@
 //! count alike. A message is *fresh*, *stale* (still used, with its age) or *lost* (as if it had
 //! never come). `Mission` does not age: a plan holds until the next one.
 
-use law::{Ego, OBSTACLES_MAX, Observation, V2v};
-use platoon_dbc::{EgoState, Message, Mission, NavStatus, Obstacle, ObstacleKind, V2vState};
+use law::dmpc::Plan;
+use law::{Ego, OBSTACLES_MAX, Observation, Plans, V2v};
+use platoon_dbc::{
+    EgoState, Message, Mission, NavStatus, Obstacle, ObstacleKind, V2vState, V2vTrajectory,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::guard::OwnMotion;
@@ -20,6 +23,8 @@ pub const EGO_LOST_NS: u64 = 100_000_000;
 pub const V2V_FRESH_NS: u64 = 250_000_000;
 /// A V2V state older than this is lost \[ns\]: the longest delay plus a dozen lost messages.
 pub const V2V_LOST_NS: u64 = 500_000_000;
+/// A plan older than this is lost \[ns\]: half of the horizon it was made for.
+pub const PLAN_LOST_NS: u64 = 1_000_000_000;
 /// An obstacle is stale once one 50 ms report is missing \[ns\].
 pub const OBSTACLE_FRESH_NS: u64 = 100_000_000;
 /// An obstacle unseen for four reports is lost \[ns\].
@@ -72,6 +77,8 @@ pub struct Picture {
     ego: Option<EgoState>,
     leader: Option<V2vState>,
     predecessor: Option<V2vState>,
+    leader_plan: Option<V2vTrajectory>,
+    predecessor_plan: Option<V2vTrajectory>,
     obstacles: [Option<Obstacle>; OBSTACLES_MAX],
 }
 
@@ -86,6 +93,8 @@ impl Picture {
             ego: None,
             leader: None,
             predecessor: None,
+            leader_plan: None,
+            predecessor_plan: None,
             obstacles: [None; OBSTACLES_MAX],
         }
     }
@@ -116,9 +125,13 @@ impl Picture {
                 replace(&mut self.ego, ego, |held| held.bench_time_ns < ego.bench_time_ns)
             }
             Message::V2vState(state) => self.note_v2v(state),
+            Message::V2vTrajectory(plan) => self.note_plan(plan),
             Message::Obstacle(obstacle) => self.note_obstacle(obstacle),
             Message::Mission(mission) => self.note_mission(mission),
-            Message::Actuation(_) | Message::V2vOut(_) | Message::EcuStatus(_) => Noted::NotMine,
+            Message::Actuation(_)
+            | Message::V2vOut(_)
+            | Message::V2vTrajectoryOut(_)
+            | Message::EcuStatus(_) => Noted::NotMine,
         }
     }
 
@@ -133,15 +146,16 @@ impl Picture {
 
     /// Only the leader's and the predecessor's states are for a follower; truck 1 has both in one.
     fn note_v2v(&mut self, state: &V2vState) -> Noted {
-        let newer = |held: &V2vState| held.generation_time_ns < state.generation_time_ns;
-        let mut noted = Noted::NotMine;
-        if self.truck != 0 && state.source_truck == 0 {
-            noted = replace(&mut self.leader, state, newer);
-        }
-        if self.truck != 0 && state.source_truck == self.truck - 1 {
-            noted = replace(&mut self.predecessor, state, newer);
-        }
-        noted
+        let older = |held: &V2vState| held.generation_time_ns < state.generation_time_ns;
+        let places = [&mut self.leader, &mut self.predecessor];
+        note_heard(self.truck, state.source_truck, places, state, older)
+    }
+
+    /// The same for announced plans.
+    fn note_plan(&mut self, plan: &V2vTrajectory) -> Noted {
+        let older = |held: &V2vTrajectory| held.generation_time_ns < plan.generation_time_ns;
+        let places = [&mut self.leader_plan, &mut self.predecessor_plan];
+        note_heard(self.truck, plan.source_truck, places, plan, older)
     }
 
     fn note_obstacle(&mut self, obstacle: &Obstacle) -> Noted {
@@ -208,6 +222,10 @@ impl Picture {
             mission: plan(&mission),
             leader: leader.as_ref().map(broadcast),
             predecessor: predecessor.as_ref().map(broadcast),
+            plans: Plans {
+                leader: announced(self.leader_plan.as_ref(), now_ns),
+                predecessor: announced(self.predecessor_plan.as_ref(), now_ns),
+            },
             obstacles: self.obstacles.map(|held| {
                 let obstacle = held.filter(|held| obstacle_is_alive(held, now_ns))?;
                 seen_obstacle(&obstacle, &platoon)
@@ -228,6 +246,24 @@ impl Picture {
         let (picture, rest) = postcard::take_from_bytes::<Self>(bytes).ok()?;
         (rest.is_empty() && picture.truck == truck).then_some(picture)
     }
+}
+
+/// Puts a radio message of truck `source` into the places, leader's and predecessor's, of `truck`.
+fn note_heard<T: Copy>(
+    truck: u8,
+    source: u8,
+    [leader, predecessor]: [&mut Option<T>; 2],
+    message: &T,
+    older: impl Fn(&T) -> bool,
+) -> Noted {
+    let mut noted = Noted::NotMine;
+    if truck != 0 && source == 0 {
+        noted = replace(leader, message, &older);
+    }
+    if truck != 0 && source == truck - 1 {
+        noted = replace(predecessor, message, &older);
+    }
+    noted
 }
 
 /// Puts `message` into its place unless the held one is not `older`.
@@ -326,6 +362,14 @@ fn plan(mission: &Mission) -> law::Mission {
         right_edge_y_m: mission.right_edge_y_m,
         left_edge_y_m: mission.left_edge_y_m,
     }
+}
+
+/// A plan that is not lost.
+fn announced(heard: Option<&V2vTrajectory>, now_ns: u64) -> Option<Plan> {
+    let heard = heard?;
+    let is_lost = now_ns.saturating_sub(heard.generation_time_ns) > PLAN_LOST_NS;
+    let plan = Plan::from_speeds(heard.generation_time_ns, heard.position_x_m, &heard.speed_mps);
+    (!is_lost).then_some(plan)
 }
 
 fn broadcast(state: &V2vState) -> V2v {

@@ -5,6 +5,7 @@ use std::cell::Cell;
 
 use bench::{PERIOD_NS, StillClock, follower};
 use controller_rt::Slot;
+use law::Structure;
 use platoon_dbc::EcuMode;
 use traces::{Recorder, RecorderOptions, Source};
 
@@ -41,9 +42,17 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn a_tick_in_the_steady_state_allocates_nothing() {
+    for structure in [Structure::Mcf, Structure::SingleMpc, Structure::DmpcPlf] {
+        let worst = allocations_of_the_worst_tick(structure);
+        assert_eq!(worst, 0, "allocations in the worst tick of {structure:?}");
+    }
+    assert!(ALLOCATIONS.get() > 0, "the counter counts");
+}
+
+fn allocations_of_the_worst_tick(structure: Structure) -> u64 {
     let path = std::env::temp_dir().join(format!("no-allocation-{}.mcap", std::process::id()));
     let recorder = Recorder::start(&path, RecorderOptions::new(Source::Ecu(1))).expect("writable");
-    let (mut rig, mut ecu) = follower(Some(recorder));
+    let (mut rig, mut ecu) = follower(structure, Some(recorder));
     let clock = StillClock::default();
     rig.invite();
     rig.publish(0);
@@ -66,7 +75,6 @@ fn a_tick_in_the_steady_state_allocates_nothing() {
     }
     let report = ecu.finish(&clock);
     std::fs::remove_file(&path).expect("ours");
-    assert_eq!(worst, 0, "allocations in the worst tick");
     assert_eq!((report.ticks, report.qp.solves, report.qp.failures), (2_000, 2_000, 0));
-    assert!(ALLOCATIONS.get() > 0, "the counter counts");
+    worst
 }

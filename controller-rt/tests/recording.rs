@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use bench::{PERIOD_NS, StillClock, follower};
 use controller_rt::{Slot, join_snapshot};
+use law::Structure;
 use platoon_dbc::Bus;
 use traces::{
     FrameRecord, MemoryRecord, Overflow, Reader, Record, Recorder, RecorderOptions, Source,
@@ -53,9 +54,9 @@ impl Recording {
 }
 
 /// Runs a follower for [`TICKS`] ticks, leaving out some, and reads its recording back.
-fn recorded(name: &str) -> Recorded {
+fn recorded(name: &str, structure: Structure) -> Recorded {
     let recording = Recording::named(name);
-    let (mut rig, mut ecu) = follower(Some(recording.recorder()));
+    let (mut rig, mut ecu) = follower(structure, Some(recording.recorder()));
     let clock = StillClock::default();
     rig.invite();
     rig.publish(0);
@@ -81,12 +82,12 @@ fn recorded(name: &str) -> Recorded {
 }
 
 /// Computes every tick after tick `from` again, from the snapshot taken there.
-fn replayed(recorded: &Recorded, from: u32) -> Recorded {
+fn replayed(recorded: &Recorded, structure: Structure, from: u32) -> Recorded {
     let parts: Vec<MemoryRecord> =
         recorded.memories.iter().filter(|part| part.tick == from).copied().collect();
     let snapshot = join_snapshot(&parts).expect("a snapshot");
     let recording = Recording::named("replayed");
-    let (mut rig, mut ecu) = follower(Some(recording.recorder()));
+    let (mut rig, mut ecu) = follower(structure, Some(recording.recorder()));
     let clock = StillClock::default();
     assert!(ecu.restore(&snapshot));
     let mut frames = recorded.frames.iter().filter(|frame| frame.tick > from).peekable();
@@ -105,29 +106,33 @@ fn replayed(recorded: &Recorded, from: u32) -> Recorded {
 
 #[test]
 fn commands_computed_again_from_any_recorded_snapshot_are_the_same_bits() {
-    let recorded = recorded("recorded");
-    for from in [0, 10_000] {
-        let replayed = replayed(&recorded, from);
-        let original = recorded.ticks.iter().filter(|tick| tick.tick > from);
-        assert_eq!(original.clone().count(), replayed.ticks.len());
-        for (tick, again) in original.zip(&replayed.ticks) {
-            let bits = |t: &TickRecord| {
-                (t.tick, t.force_n.to_bits(), t.steering_rad.to_bits(), t.working_set, t.outcome)
-            };
-            assert_eq!(bits(tick), bits(again), "replayed from tick {from}");
+    for structure in [Structure::Mcf, Structure::DmpcPlf] {
+        let recorded = recorded("recorded", structure);
+        for from in [0, 10_000] {
+            let replayed = replayed(&recorded, structure, from);
+            let original = recorded.ticks.iter().filter(|tick| tick.tick > from);
+            assert_eq!(original.clone().count(), replayed.ticks.len());
+            for (tick, again) in original.zip(&replayed.ticks) {
+                let bits = |t: &TickRecord| {
+                    let command = (t.force_n.to_bits(), t.steering_rad.to_bits());
+                    (t.tick, command, t.working_set, t.outcome)
+                };
+                assert_eq!(bits(tick), bits(again), "{structure:?} replayed from tick {from}");
+            }
         }
     }
 }
 
 #[test]
 fn every_tick_is_recorded_with_the_frames_it_consumed() {
-    let recorded = recorded("ticks");
+    let recorded = recorded("ticks", Structure::Mcf);
     assert_eq!(recorded.ticks.len() as u64, TICKS - 20);
     assert_eq!(recorded.ticks.iter().map(|tick| tick.skipped).sum::<u32>(), 20);
     let after = recorded.ticks.iter().find(|tick| tick.skipped > 0).expect("one tick skipped");
     assert_eq!((after.tick, after.time_ns), (10_120, 10_120 * PERIOD_NS));
     let consumed = recorded.frames.iter().filter(|frame| frame.tick == after.tick).count();
-    assert_eq!(consumed, 21 + 3, "21 states, V2V at 10.1 and 10.12 s, and an obstacle at 10.1 s");
+    let expected = "21 states, V2V at 10.1 and 10.12 s, a plan and an obstacle at 10.1 s";
+    assert_eq!(consumed, 21 + 4, "{expected}");
     let snapshots = recorded.memories.iter().filter(|part| part.snapshot.as_bytes()[0] == 0);
     assert_eq!(snapshots.count(), 2, "at the start and at 10 s");
 }

@@ -55,6 +55,10 @@ pub enum ControllerKind {
     Mcf,
     /// The paper's baseline: one potential-field MPC that tracks its slot itself.
     SingleMpc,
+    /// Distributed MPC of Zheng et al., every truck listening to the one ahead.
+    DmpcPf,
+    /// The same, every truck listening to the one ahead and to the leader.
+    DmpcPlf,
 }
 
 impl From<ControllerKind> for law::Structure {
@@ -62,6 +66,8 @@ impl From<ControllerKind> for law::Structure {
         match kind {
             ControllerKind::Mcf => Self::Mcf,
             ControllerKind::SingleMpc => Self::SingleMpc,
+            ControllerKind::DmpcPf => Self::DmpcPf,
+            ControllerKind::DmpcPlf => Self::DmpcPlf,
         }
     }
 }

@@ -68,7 +68,7 @@ impl BusSummary {
     /// What is known of the bus of a run.
     pub(super) fn new(run: &Ingredients<'_>, wires: &[WireResult]) -> Self {
         let timing = run.profile.timing();
-        let plan = BusPlan::of(run.scenario, run.profile, run.rate_hz);
+        let plan = BusPlan::of(run.scenario, run.profile, run.rate_hz, run.announces);
         let fit = plan.at(timing);
         let (backend, reason, interfaces) = run.bus.clone();
         Self {

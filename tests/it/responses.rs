@@ -156,7 +156,7 @@ impl std::fmt::Debug for Contest {
 /// What the fullest bus of the main scenario carries.
 fn planned(profile: Profile, rate_hz: u32) -> Contest {
     let scenario = Scenario::load("obstacle-avoidance", &[]).expect("built in");
-    let plan = BusPlan::of(&scenario, profile, rate_hz);
+    let plan = BusPlan::of(&scenario, profile, rate_hz, false);
     let fullest = plan.trucks().len() - 1;
     Contest::new(plan.streams(fullest, profile.timing()), profile.timing())
 }

@@ -3,7 +3,7 @@
 //! Within one publication the order is mission, V2V, obstacles, navigation: the frame that starts
 //! an ECU's tick comes last, so everything of the same instant is already there.
 
-use platoon_dbc::{Message, Mission, V2vOut, V2vState};
+use platoon_dbc::{Message, Mission, V2vOut, V2vState, V2vTrajectory, V2vTrajectoryOut};
 use traces::{ObstacleKind, ObstacleTruth, TruckTruth, TruthRecord};
 
 use super::Rig;
@@ -16,6 +16,9 @@ use crate::truck::{FRONT_OVERHANG_M, REAR_OVERHANG_M, WIDTH_M};
 const OBSTACLE_PERIOD_NS: u64 = 50_000_000;
 /// Time between missions \[ns\].
 const MISSION_PERIOD_NS: u64 = 1_000_000_000;
+/// Time between trajectories of a scripted leader \[ns\], and between the points of one \[s\].
+const PLAN_PERIOD_NS: u64 = V2vTrajectory::CYCLE_TIME_MS as u64 * 1_000_000;
+const PLAN_STEP_S: f64 = 0.1;
 /// Time between records of the truth \[ns\].
 pub(super) const TRUTH_PERIOD_NS: u64 = 10_000_000;
 
@@ -33,6 +36,17 @@ pub(super) fn relayed(source: usize, heard: &V2vOut) -> V2vState {
     }
 }
 
+/// The same of an announced trajectory.
+pub(super) fn relayed_plan(source: usize, heard: &V2vTrajectoryOut) -> V2vTrajectory {
+    V2vTrajectory {
+        source_truck: source as u8,
+        sequence: heard.sequence,
+        generation_time_ns: heard.generation_time_ns,
+        position_x_m: heard.position_x_m,
+        speed_mps: heard.speed_mps,
+    }
+}
+
 impl Rig {
     /// Sends everything that is due now; of several missed states only the latest.
     pub(super) fn publish(&mut self) {
@@ -42,9 +56,13 @@ impl Rig {
             self.publish_mission();
         }
         self.broadcast_scripted_leader();
+        self.announce_scripted_leader();
         let (nodes, tap) = (&mut self.nodes, &mut self.tap);
         self.channel.deliver(now_ns, |to, message| {
             nodes[to].send(&Message::V2vState(*message), tap);
+        });
+        self.plans.deliver(now_ns, |to, message| {
+            nodes[to].send(&Message::V2vTrajectory(*message), tap);
         });
         if now_ns >= self.due.obstacles_ns {
             self.publish_obstacles();
@@ -74,6 +92,25 @@ impl Rig {
         };
         self.channel.broadcast(0, now_ns, now_ns, message);
         self.due.leader_ns = next_ns(now_ns, period_ns.max(1));
+    }
+
+    /// The same leader's trajectory, once any truck has announced one: platoons that announce
+    /// nothing hear nothing.
+    fn announce_scripted_leader(&mut self) {
+        let now_ns = self.time_ns();
+        if now_ns < self.due.leader_plan_ns || !self.plans.has_carried() {
+            return;
+        }
+        let Some(speed_mps) = self.trucks[0].scripted_speeds(PLAN_STEP_S) else { return };
+        let message = V2vTrajectory {
+            source_truck: 0,
+            sequence: (now_ns / PLAN_PERIOD_NS) as u16,
+            generation_time_ns: now_ns,
+            position_x_m: self.trucks[0].state().x_m,
+            speed_mps,
+        };
+        self.plans.broadcast(0, now_ns, now_ns, message);
+        self.due.leader_plan_ns = next_ns(now_ns, PLAN_PERIOD_NS);
     }
 
     /// Sends every ECU its mission, whether or not it is due.

@@ -6,36 +6,44 @@ use std::sync::atomic::AtomicBool;
 use platoon_dbc::{
     Actuation, ActuationStatus, Bus, BusTiming, Clock, EcuMode, EcuStatus, EgoState, Emulated,
     Frame, FrameFlags, Loopback, Message, Mission, Obstacle, ObstacleKind, V2vOut, V2vState,
+    V2vTrajectory, V2vTrajectoryOut,
 };
 
 use super::*;
 use crate::truck_node::NodeCounts;
 
+mod plans;
+
 /// An ECU that answers every EgoState: proportional in speed, proportional-derivative in Y.
 struct TestEcu {
     bus: Loopback,
-    alive: [u8; 7],
+    alive: [u8; 9],
     mission: Option<Mission>,
     ego: Option<EgoState>,
     answered: Option<u32>,
     v2v: Vec<V2vState>,
+    plans: Vec<V2vTrajectory>,
     obstacles: Vec<Obstacle>,
     frames: Vec<Frame>,
     dead: bool,
+    /// Tells the others its plan every 100 ms.
+    announces: bool,
 }
 
 impl TestEcu {
     fn new(bus: Loopback) -> Self {
         Self {
             bus,
-            alive: [0; 7],
+            alive: [0; 9],
             mission: None,
             ego: None,
             answered: None,
             v2v: Vec::new(),
+            plans: Vec::new(),
             obstacles: Vec::new(),
             frames: Vec::new(),
             dead: false,
+            announces: false,
         }
     }
 
@@ -52,6 +60,7 @@ impl TestEcu {
                 Message::EgoState(ego) => self.ego = Some(ego),
                 Message::Mission(mission) => self.mission = Some(mission),
                 Message::V2vState(state) => self.v2v.push(state),
+                Message::V2vTrajectory(plan) => self.plans.push(plan),
                 Message::Obstacle(obstacle) => self.obstacles.push(obstacle),
                 other => panic!("the rig sent {other:?}"),
             }
@@ -83,6 +92,14 @@ impl TestEcu {
         }));
         if ego.bench_time_ns % 20_000_000 == 0 {
             self.send(&Message::V2vOut(broadcast(&ego)));
+        }
+        if self.announces && ego.bench_time_ns % 100_000_000 == 0 {
+            self.send(&Message::V2vTrajectoryOut(V2vTrajectoryOut {
+                sequence: (ego.bench_time_ns / 100_000_000) as u16,
+                generation_time_ns: ego.bench_time_ns,
+                position_x_m: ego.position_x_m,
+                speed_mps: [ego.speed_forward_mps; 21],
+            }));
         }
     }
 }

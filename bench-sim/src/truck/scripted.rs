@@ -7,6 +7,8 @@ use super::{BodyAcceleration, TruckState};
 
 /// Phases a script can have.
 pub const PHASES_MAX: usize = 8;
+/// Integration steps from one point of a preview to the next.
+const PREVIEW_STEPS: u32 = 20;
 /// Mass for who asks \[kg\]: the paper's truck; the motion does not depend on it.
 const MASS_KG: f64 = 5760.0;
 
@@ -98,6 +100,17 @@ impl Scripted {
         self.time_s += dt_s;
     }
 
+    /// Its speeds from now on, at N points `step_s` apart \[m/s\].
+    pub fn speeds<const N: usize>(&self, step_s: f64) -> [f64; N] {
+        let mut ahead = *self;
+        core::array::from_fn(|k| {
+            for _ in 0..if k == 0 { 0 } else { PREVIEW_STEPS } {
+                ahead.step(step_s / f64::from(PREVIEW_STEPS));
+            }
+            ahead.state.forward_mps
+        })
+    }
+
     /// The state.
     pub fn state(&self) -> &TruckState {
         &self.state
@@ -137,6 +150,16 @@ mod tests {
         assert!((truck.state().forward_mps - 22.0).abs() < 1e-9);
         assert!((truck.state().x_m - (20.0 + 21.0 + 22.0)).abs() < 1e-6);
         assert_eq!(truck.acceleration().forward_mps2, 0.0);
+    }
+
+    #[test]
+    fn the_speeds_it_foresees_are_those_it_will_have() {
+        let phase = Phase { from_s: 1.0, until_s: 2.5, accel_mps2: 2.0, shape: Shape::HalfSine };
+        let foreseen: [f64; 21] = drive(phase, 0.95).speeds(0.1);
+        for (k, speed_mps) in foreseen.into_iter().enumerate() {
+            let real_mps = drive(phase, 0.95 + 0.1 * k as f64).state().forward_mps;
+            assert!((speed_mps - real_mps).abs() < 1e-4, "{k}: {speed_mps} {real_mps}");
+        }
     }
 
     #[test]

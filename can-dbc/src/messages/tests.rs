@@ -101,6 +101,19 @@ fn every_obstacle_page_is_its_own() {
 }
 
 #[test]
+fn a_series_keeps_its_order_and_half_a_step_of_each_value() {
+    let speed_mps = std::array::from_fn(|k| 19.9 + 0.123_456 * k as f64);
+    let sent = V2vTrajectory { source_truck: 2, speed_mps, ..V2vTrajectory::default() };
+    let (heard, _) = V2vTrajectory::decode(&sent.encode(1).expect("in range")).expect("sound");
+    for (heard, sent) in heard.speed_mps.iter().zip(sent.speed_mps) {
+        assert!((heard - sent).abs() <= 0.001 + 1e-12, "{heard} {sent}");
+    }
+    let mut broken = sent;
+    broken.speed_mps[20] = 65.54;
+    assert_eq!(broken.encode(1), Err(EncodeError::OutOfRange("Speed_20")));
+}
+
+#[test]
 fn writing_a_page_leaves_nothing_of_another() {
     let other = obstacle(1).encode(5).expect("in range");
     let empty = Obstacle { page: 1, ..Obstacle::default() };
@@ -150,6 +163,8 @@ fn start_values_encode() {
         Message::Obstacle(Obstacle::default()),
         Message::Mission(Mission::default()),
         Message::EcuStatus(EcuStatus::default()),
+        Message::V2vTrajectory(V2vTrajectory::default()),
+        Message::V2vTrajectoryOut(V2vTrajectoryOut::default()),
     ];
     assert_eq!(defaults.len(), MESSAGES.len());
     for (index, message) in defaults.iter().enumerate() {

@@ -8,7 +8,7 @@ use crate::messages::{MESSAGES, Message};
 use serde::{Deserialize, Serialize};
 
 /// Messages of `platoon.dbc`.
-const KINDS: usize = 7;
+const KINDS: usize = 9;
 const _: () = assert!(MESSAGES.len() == KINDS);
 
 /// One alive counter per message.

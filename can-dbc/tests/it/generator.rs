@@ -116,6 +116,21 @@ fn a_good_dbc_is_understood() {
 }
 
 #[test]
+fn numbered_signals_that_are_alike_become_an_array() {
+    let flat = GOOD.replace(" m0", "").replace(" m1 : 32", " : 48").replace(" M : 24", " : 24");
+    let contract = Contract::read(&flat, None).expect("good");
+    let code = emit::code(&contract);
+    for line in ["pub speed_mps: [f64; 2],", "speed_mps: codec::series(payload, &s[3..5])?,"] {
+        assert!(code.contains(line), "{line}: {code}");
+    }
+    let unlike = flat.replace("Speed_1 : 48|16@1-", "Speed_1 : 48|12@1-");
+    let unlike =
+        unlike.replacen("48|12@1- (0.01,0) [-327.68|327.67]", "48|12@1- (0.01,0) [0|9]", 1);
+    let refusal = Contract::read(&unlike, None).map(|_| ()).expect_err("unlike");
+    assert!(refusal.contains("Speed_1: a series is of scaled, like numbers"), "{refusal}");
+}
+
+#[test]
 fn each_fault_is_refused_with_its_place() {
     for (from, to, expected) in [
         ("BU_: Rig", "BU_ Rig Rig:", "not a DBC"),

@@ -12,13 +12,10 @@
 //! drives in `bench-sim` shares nothing with this file.
 
 use crate::calibration::TruckBelief;
+use crate::resistance::Resistance;
 
-/// Standard gravity \[m/s²\].
-const GRAVITY_MPS2: f64 = 9.80665;
 /// Below this speed the slip angles use a guarded speed \[m/s\].
 const GUARD_BELOW_MPS: f64 = 9.0;
-/// Speed over which rolling resistance fades through zero at standstill \[m/s\].
-const ROLLING_FADE_MPS: f64 = 0.1;
 
 /// States of the model.
 pub const STATES: usize = 6;
@@ -36,8 +33,7 @@ pub type Sensitivity = [[f64; COLUMNS]; STATES];
 pub struct Bicycle {
     /// 1/m in \[m/s² per kN\].
     accel_per_kn: f64,
-    drag_per_m: f64,
-    rolling_mps2: f64,
+    resistance: Resistance,
     cg_to_front_m: f64,
     cg_to_rear_m: f64,
     front_accel_per_rad: f64,
@@ -69,8 +65,7 @@ impl Bicycle {
         let (m, iz) = (truck.mass_kg, truck.yaw_inertia_kgm2);
         Self {
             accel_per_kn: 1e3 / m,
-            drag_per_m: truck.drag_n_per_mps2 / m,
-            rolling_mps2: truck.rolling_resistance * GRAVITY_MPS2,
+            resistance: Resistance::new(truck),
             cg_to_front_m: truck.cg_to_front_m,
             cg_to_rear_m: truck.cg_to_rear_m,
             front_accel_per_rad: truck.front_stiffness_n_per_rad / m,
@@ -82,12 +77,12 @@ impl Bicycle {
 
     /// Force that holds `speed_mps` on a level road \[kN\].
     pub fn holding_force_kn(&self, speed_mps: f64) -> f64 {
-        self.resistance_mps2(speed_mps).0 / self.accel_per_kn
+        self.resistance.mps2(speed_mps).0 / self.accel_per_kn
     }
 
     /// Acceleration a force gives at a speed on a straight road \[m/s²\].
     pub fn acceleration_mps2(&self, force_kn: f64, speed_mps: f64) -> f64 {
-        force_kn * self.accel_per_kn - self.resistance_mps2(speed_mps).0
+        force_kn * self.accel_per_kn - self.resistance.mps2(speed_mps).0
     }
 
     /// State and sensitivity after `step_s`, by one classical Runge-Kutta step of both.
@@ -131,7 +126,7 @@ impl Bicycle {
         let [u, v, r, phi, _, _] = *state;
         let (sin, cos) = libm::sincos(phi);
         let (ue, ue_u) = guarded_speed(u);
-        let (resistance, resistance_u) = self.resistance_mps2(u);
+        let (resistance, resistance_u) = self.resistance.mps2(u);
         let inverse = 1.0 / ue;
 
         let front_slip = (v + self.cg_to_front_m * r) * inverse - input[1].to_radians();
@@ -184,16 +179,6 @@ impl Bicycle {
         slope[1][5] += self.front_accel_per_rad.to_radians();
         slope[2][5] += self.front_yaw_per_rad.to_radians();
         slope
-    }
-
-    /// Deceleration by drag and rolling \[m/s²\], and its derivative by speed \[1/s\].
-    fn resistance_mps2(&self, u: f64) -> (f64, f64) {
-        let length = libm::sqrt(u * u + ROLLING_FADE_MPS * ROLLING_FADE_MPS);
-        let sign = u / length;
-        (
-            self.drag_per_m * u * u.abs() + self.rolling_mps2 * sign,
-            2.0 * self.drag_per_m * u.abs() + self.rolling_mps2 * (1.0 - sign * sign) / length,
-        )
     }
 }
 

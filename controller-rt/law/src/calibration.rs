@@ -5,6 +5,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dmpc::DmpcCalibration;
+
 /// How coordination and motion planning are put together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 #[serde(rename_all = "kebab-case")]
@@ -14,6 +16,17 @@ pub enum Structure {
     Mcf,
     /// The paper's baseline: one MPC that tracks its slot in the platoon itself.
     SingleMpc,
+    /// Distributed MPC, every truck listening to the one ahead.
+    DmpcPf,
+    /// Distributed MPC, every truck listening to the one ahead and to the leader.
+    DmpcPlf,
+}
+
+impl Structure {
+    /// Whether trucks announce their plans to each other.
+    pub fn announces(self) -> bool {
+        matches!(self, Self::DmpcPf | Self::DmpcPlf)
+    }
 }
 
 /// All numbers of the law. `Default` is the published set, completed by ours.
@@ -30,6 +43,8 @@ pub struct Calibration {
     pub lml: LmlCalibration,
     /// The baseline without a coordination layer.
     pub single_mpc: SingleMpcCalibration,
+    /// The baseline whose trucks tell each other their plans.
+    pub dmpc: DmpcCalibration,
     /// The motion layer solves once every this many ticks; between solves its command is held.
     pub lml_every_ticks: u32,
 }
@@ -200,6 +215,7 @@ impl Default for Calibration {
             ucl: UclCalibration::default(),
             lml: LmlCalibration::default(),
             single_mpc: SingleMpcCalibration::default(),
+            dmpc: DmpcCalibration::default(),
             lml_every_ticks: 1,
         }
     }
@@ -285,7 +301,7 @@ impl Calibration {
     ///
     /// Keys are the ones a scenario's `law` table uses.
     pub fn defect(&self) -> Option<(&'static str, &'static str)> {
-        let (truck, ucl, lml) = (&self.truck, &self.ucl, &self.lml);
+        let (truck, ucl, lml, dmpc) = (&self.truck, &self.ucl, &self.lml, &self.dmpc);
         let positive = [
             ("truck.mass_kg", truck.mass_kg),
             ("truck.cg_to_front_m", truck.cg_to_front_m),
@@ -314,6 +330,12 @@ impl Calibration {
             ("lml.slack_quadratic.0", lml.slack_quadratic[0]),
             ("lml.slack_quadratic.1", lml.slack_quadratic[1]),
             ("lml.slack_quadratic.2", lml.slack_quadratic[2]),
+            ("dmpc.input_weight", dmpc.input_weight),
+            ("dmpc.wheel_radius_m", dmpc.wheel_radius_m),
+            ("dmpc.efficiency", dmpc.efficiency),
+            ("dmpc.lag_s", dmpc.lag_s),
+            ("dmpc.approach_mps", dmpc.approach_mps),
+            ("dmpc.force_weight", dmpc.force_weight),
         ];
         let not_negative = [
             ("truck.drag_n_per_mps2", truck.drag_n_per_mps2),
@@ -338,10 +360,18 @@ impl Calibration {
             ("lml.slack_linear.1", lml.slack_linear[1]),
             ("lml.slack_linear.2", lml.slack_linear[2]),
             ("single_mpc.position_weight", self.single_mpc.position_weight),
+            ("dmpc.leader_weight.0", dmpc.leader_weight[0]),
+            ("dmpc.leader_weight.1", dmpc.leader_weight[1]),
+            ("dmpc.own_weight.0", dmpc.own_weight[0]),
+            ("dmpc.own_weight.1", dmpc.own_weight[1]),
+            ("dmpc.neighbour_weight.0", dmpc.neighbour_weight[0]),
+            ("dmpc.neighbour_weight.1", dmpc.neighbour_weight[1]),
         ];
         let negative =
             [("ucl.accel_min_mps2", ucl.accel_min_mps2), ("lml.force_min_kn", lml.force_min_kn)];
         let gains = ucl.k1.iter().chain(&ucl.k2);
+        // F >= G over all who listen, which is one truck: the condition of Zheng's stability proof.
+        let contractive = dmpc.own_weight.iter().zip(&dmpc.neighbour_weight).all(|(f, g)| f >= g);
 
         // `cutoff` alone may be infinite: that is the paper's untruncated potential.
         let sound = |x: f64, key: &str| x.is_finite() || (key == "lml.cutoff" && x > 0.0);
@@ -354,6 +384,7 @@ impl Calibration {
             .or_else(|| {
                 gains.into_iter().any(|k| !k.is_finite()).then_some(("ucl.k1/k2", "finite gains"))
             })
+            .or_else(|| (!contractive).then_some(("dmpc.own_weight", "at least neighbour_weight")))
             .or_else(|| (self.lml_every_ticks == 0).then_some(("lml_every_ticks", "at least 1")))
     }
 }

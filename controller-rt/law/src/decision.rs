@@ -2,6 +2,8 @@
 
 use nalgebra::Vector3;
 
+use crate::dmpc::Plan;
+
 /// The law's answer to one [`Observation`](crate::Observation).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Decision {
@@ -11,6 +13,8 @@ pub struct Decision {
     pub steering_rad: f64,
     /// Acceleration this truck intends, for its V2V broadcast \[m/s²\].
     pub intended_accel_mps2: f64,
+    /// The plan to announce to the other trucks, in ticks that made one.
+    pub announced: Option<Plan>,
     /// How the command was found.
     pub outcome: Outcome,
     /// The coordination layer's part.

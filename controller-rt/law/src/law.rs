@@ -3,6 +3,7 @@
 use crate::bicycle::Bicycle;
 use crate::calibration::{Calibration, Structure};
 use crate::decision::{Decision, LmlReport, Outcome, UclReport};
+use crate::dmpc::{self, Course, Drive, Plan};
 use crate::lml::{self, Request};
 use crate::memory::Memory;
 use crate::observation::Observation;
@@ -23,6 +24,15 @@ pub enum Phase {
     Qp,
 }
 
+/// What the motion layer has to follow, by the structure.
+#[derive(Debug, Clone, Copy, Default)]
+struct Aim {
+    ucl: UclReport,
+    slot: Option<Slot>,
+    course: Option<Course>,
+    announced: Option<Plan>,
+}
+
 /// The control law: immutable calibration and a QP solver.
 ///
 /// Everything that changes is in the [`Memory`] the caller keeps, so one law serves many trucks.
@@ -30,13 +40,16 @@ pub enum Phase {
 pub struct Law<S = ActiveSet> {
     calibration: Calibration,
     model: Bicycle,
+    drive: Drive,
     solver: S,
 }
 
 impl<S: QpSolver> Law<S> {
     /// A law with the given numbers; see [`Calibration::defect`] for what makes sense.
     pub fn new(calibration: Calibration, solver: S) -> Self {
-        Self { calibration, model: Bicycle::new(&calibration.truck), solver }
+        let Calibration { truck, dmpc, .. } = &calibration;
+        let drive = Drive::new(truck, dmpc.lag_s, dmpc.discretisation);
+        Self { calibration, model: Bicycle::new(truck), drive, solver }
     }
 
     /// The law's numbers.
@@ -62,23 +75,36 @@ impl<S: QpSolver> Law<S> {
         let elapsed_s = Memory::seconds_since(memory.stepped_ns, seen.time_ns);
         memory.stepped_ns = Some(seen.time_ns);
         memory.note_seen(seen);
-        let (ucl, slot) = match self.calibration.structure {
-            Structure::Mcf => {
-                (ucl::coordinate(&self.calibration.ucl, memory, seen, elapsed_s), None)
-            }
-            Structure::SingleMpc => single_mpc::aim(&self.calibration, memory, seen),
-        };
-        memory.asked_mps2 = ucl.accel_mps2;
+        let aim = self.aim(memory, seen, elapsed_s);
+        memory.asked_mps2 = aim.ucl.accel_mps2;
         mark(Phase::Ucl);
 
         let (outcome, lml) = if memory.ticks_to_solve == 0 {
             memory.ticks_to_solve = self.calibration.lml_every_ticks.max(1) - 1;
-            self.plan_motion(memory, seen, (ucl.v_ref_mps, slot), mark)
+            self.plan_motion(memory, seen, &aim, mark)
         } else {
             memory.ticks_to_solve -= 1;
             (Outcome::Held, LmlReport::default())
         };
-        self.decide(memory, seen, elapsed_s, outcome, ucl, lml)
+        self.decide(memory, seen, elapsed_s, &aim, (outcome, lml))
+    }
+
+    /// What the structure's coordinating part asks for.
+    fn aim(&self, memory: &mut Memory, seen: &Observation, elapsed_s: f64) -> Aim {
+        let cal = &self.calibration;
+        match cal.structure {
+            Structure::Mcf => {
+                Aim { ucl: ucl::coordinate(&cal.ucl, memory, seen, elapsed_s), ..Aim::default() }
+            }
+            Structure::SingleMpc => {
+                let (ucl, slot) = single_mpc::aim(cal, memory, seen);
+                Aim { ucl, slot, ..Aim::default() }
+            }
+            Structure::DmpcPf | Structure::DmpcPlf => {
+                let (ucl, course, announced) = dmpc::coordinate(cal, &self.drive, memory, seen);
+                Aim { ucl, course: Some(course), announced, ..Aim::default() }
+            }
+        }
     }
 
     /// The first tick: a truck that holds its speed, steering straight.
@@ -93,7 +119,7 @@ impl<S: QpSolver> Law<S> {
         &self,
         memory: &mut Memory,
         seen: &Observation,
-        (v_ref_mps, slot): (f64, Option<Slot>),
+        aim: &Aim,
         mark: &mut impl FnMut(Phase),
     ) -> (Outcome, LmlReport) {
         let cal = &self.calibration;
@@ -106,8 +132,9 @@ impl<S: QpSolver> Law<S> {
             || surroundings.potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0).map(|u| u.value);
         let q_ref = reference_weight(&cal.lml, potentials());
         let request = Request {
-            v_ref_mps,
-            slot,
+            v_ref_mps: aim.ucl.v_ref_mps,
+            slot: aim.slot,
+            course: aim.course,
             q_ref,
             plan: memory.plan,
             applied: memory.applied,
@@ -129,9 +156,8 @@ impl<S: QpSolver> Law<S> {
         memory: &mut Memory,
         seen: &Observation,
         elapsed_s: f64,
-        outcome: Outcome,
-        ucl: UclReport,
-        lml: LmlReport,
+        aim: &Aim,
+        (outcome, lml): (Outcome, LmlReport),
     ) -> Decision {
         let cal = &self.calibration.lml;
         let steering_max_deg = cal.steering_max_rad.to_degrees();
@@ -147,8 +173,9 @@ impl<S: QpSolver> Law<S> {
             force_n: 1e3 * force_kn,
             steering_rad: steering_deg.to_radians(),
             intended_accel_mps2: self.model.acceleration_mps2(force_kn, seen.ego.forward_mps),
+            announced: aim.announced,
             outcome,
-            ucl,
+            ucl: aim.ucl,
             lml,
         }
     }

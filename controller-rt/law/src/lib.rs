@@ -5,6 +5,9 @@
 //! turns that speed, the obstacles and the road into force and steering with one convex QP.
 //! [`Law::step`] is the paper's Algorithm 1 for one vehicle and one instant.
 //!
+//! Two baselines take the place of the first layer or of both: one MPC that tracks its slot
+//! (`single_mpc`), and distributed MPC ([`dmpc`]).
+//!
 //! The crate refuses to know about CAN, clocks, files, threads and heap: time arrives in the
 //! [`Observation`], everything that changes lives in [`Memory`], and the same inputs give the same
 //! bits on every machine.
@@ -16,6 +19,7 @@
 mod bicycle;
 mod calibration;
 mod decision;
+pub mod dmpc;
 mod history;
 mod law;
 mod lml;
@@ -24,6 +28,7 @@ mod observation;
 mod potential;
 mod prediction;
 pub mod qp;
+mod resistance;
 mod single_mpc;
 mod surroundings;
 mod ucl;
@@ -36,4 +41,6 @@ pub use calibration::{
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
 pub use law::{Law, Phase};
 pub use memory::Memory;
-pub use observation::{Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind, V2v};
+pub use observation::{
+    Ego, Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind, Plans, V2v,
+};

@@ -14,6 +14,7 @@
 
 use crate::bicycle::Bicycle;
 use crate::calibration::{Calibration, LmlCalibration};
+use crate::dmpc::Course;
 use crate::observation::Observation;
 use crate::potential;
 use crate::prediction::{Instant, STEP_S, STEPS, block, predict};
@@ -40,6 +41,8 @@ pub struct Request {
     pub q_ref: f64,
     /// The slot to keep, in the single-structure baseline alone.
     pub slot: Option<Slot>,
+    /// The force to follow in place of the reference speed, in distributed MPC alone.
+    pub course: Option<Course>,
     /// The plan to linearise about: force \[kN\] and steering \[deg\] of each block.
     pub plan: [[f64; 2]; BLOCKS],
     /// The command in force now, in the same units.
@@ -94,17 +97,29 @@ impl Builder<'_> {
     /// share of a prediction step until the next solve. With the whole R at every tick the command
     /// would cover the same fraction of its way per tick however short the tick: a lag that depends
     /// on the loop's rate. At one solve per prediction step this is Eq. 21 as printed.
+    ///
+    /// With a force to follow, both weigh the difference from it, and it replaces S: where nothing
+    /// is in the way the force is then exactly the one asked for.
     fn input_cost(&mut self) {
         let share = (self.request.interval_s / STEP_S).clamp(0.0, 1.0);
         for (i, (&s, &r)) in self.cal.s.iter().zip(&self.cal.r).enumerate() {
+            let course = self.request.course.filter(|_| i == 0);
+            let s = course.map_or(s, |course| course.weight * self.request.q_ref);
+            let wanted = course.map_or([0.0; BLOCKS], |course| course.force_kn);
+            let mut before = course.map_or(0.0, |course| course.before_kn);
             for b in 0..BLOCKS {
                 let r = if b == 0 { share * r } else { r };
                 let steps = if b + 1 < BLOCKS { 1 } else { STEPS + 1 - BLOCKS };
                 let at = 2 * b + i;
-                self.qp.hessian[(at, at)] += 2.0 * s * steps as f64 + 2.0 * r;
+                let weight = 2.0 * s * steps as f64;
+                let change = wanted[b] - before;
+                before = wanted[b];
+                self.qp.hessian[(at, at)] += weight + 2.0 * r;
+                self.qp.gradient[at] -= weight * wanted[b] + 2.0 * r * change;
                 if b == 0 {
                     self.qp.gradient[at] -= 2.0 * r * self.request.applied[i];
                 } else {
+                    self.qp.gradient[at - 2] += 2.0 * r * change;
                     self.qp.hessian[(at - 2, at - 2)] += 2.0 * r;
                     self.qp.hessian[(at - 2, at)] -= 2.0 * r;
                 }
@@ -124,9 +139,11 @@ impl Builder<'_> {
     fn tracking_cost(&mut self, instant: &Instant, desired_y_m: f64) {
         let y_error = instant.state[Y] - desired_y_m;
         self.quadratic(&instant.gain[Y], 2.0 * self.cal.q_y, 2.0 * self.cal.q_y * y_error);
-        let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
-        let weight = 2.0 * self.request.q_ref;
-        self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
+        if self.request.course.is_none() {
+            let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
+            let weight = 2.0 * self.request.q_ref;
+            self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
+        }
     }
 
     /// Q_X term of one predicted instant.

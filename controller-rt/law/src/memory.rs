@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::dmpc;
 use crate::history::{History, Motion, seconds_between};
 use crate::observation::Observation;
 use crate::qp::{BLOCKS, WorkingSet};
@@ -19,6 +20,8 @@ pub struct Memory {
     pub(crate) predecessor: History,
     /// What the coordination law last asked for \[m/s²\].
     pub(crate) asked_mps2: f64,
+    /// The last plan of distributed MPC.
+    pub(crate) dmpc: dmpc::Memory,
     /// The last plan: force \[kN\] and steering \[deg\] of each control block.
     pub(crate) plan: [[f64; 2]; BLOCKS],
     /// The command in force, as the guard admitted it: force \[kN\] and steering \[deg\].

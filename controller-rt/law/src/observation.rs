@@ -3,6 +3,7 @@
 //! Frames: the road frame has X along the road, Y to the left, heading counter-clockwise from X
 //! (ISO 8855). Body axes are forward and left of the truck's centre of gravity (CG).
 
+use crate::dmpc::Plan;
 use crate::history::Motion;
 
 /// Most obstacles a picture holds; `platoon.dbc` has as many pages.
@@ -23,6 +24,8 @@ pub struct Observation {
     pub leader: Option<V2v>,
     /// Newest message of the truck ahead; `None` when none came or it counts as lost.
     pub predecessor: Option<V2v>,
+    /// What the others announced of their future.
+    pub plans: Plans,
     /// Obstacles the sensors report now, by page; lost ones are `None`.
     pub obstacles: [Option<Obstacle>; OBSTACLES_MAX],
 }
@@ -84,6 +87,15 @@ pub struct V2v {
     pub accel_mps2: f64,
     /// Acceleration the sender intends \[m/s²\].
     pub intended_accel_mps2: f64,
+}
+
+/// Announced plans, as received; only distributed MPC announces and hears them.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Plans {
+    /// The leader's newest; `None` when none came or it counts as lost.
+    pub leader: Option<Plan>,
+    /// That of the truck ahead.
+    pub predecessor: Option<Plan>,
 }
 
 /// What kind of thing an obstacle is.

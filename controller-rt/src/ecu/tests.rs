@@ -40,7 +40,7 @@ fn ego(n: u64) -> Message {
 /// A rig that sends what it is told and hears what the ECU says.
 struct Rig {
     bus: Loopback,
-    counters: [u8; 7],
+    counters: [u8; 9],
 }
 
 impl Rig {
@@ -135,6 +135,7 @@ impl Controller for Scripted {
         }
         mark(Phase::Qp);
         Decision {
+            announced: None,
             force_n: self.force_n,
             steering_rad: self.steering_rad,
             intended_accel_mps2: 0.5,
@@ -160,7 +161,7 @@ impl Controller for Scripted {
 fn ecu_with(controller: impl Controller + 'static) -> (Rig, Ecu) {
     let (rig, bus) = Loopback::pair("loopback0", 1024);
     let ecu = Ecu::new(Config::default(), Box::new(bus), Box::new(controller), None);
-    (Rig { bus: rig, counters: [0; 7] }, ecu)
+    (Rig { bus: rig, counters: [0; 9] }, ecu)
 }
 
 /// An ECU that has its mission and tick 0, ready for slot 0.

@@ -229,3 +229,25 @@ fn a_saved_picture_comes_back_bit_for_bit() {
     assert_eq!(Picture::restore(2, &bytes[..used]), None);
     assert_eq!(drawn.save(&mut [0; 100]), None);
 }
+
+#[test]
+fn plans_are_heard_from_leader_and_predecessor_and_lost_at_half_their_horizon() {
+    let plan = |source_truck, generation_time_ns| {
+        let speed_mps = [20.0 + f64::from(source_truck); 21];
+        Message::V2vTrajectory(V2vTrajectory {
+            source_truck,
+            generation_time_ns,
+            speed_mps,
+            ..V2vTrajectory::default()
+        })
+    };
+    let made_ns = NOW_NS - 900 * MS;
+    let mut picture = picture(2, &[plan(0, made_ns), plan(1, NOW_NS - PLAN_LOST_NS - 1)]);
+    let plans = |picture: &Picture| picture.observe(NOW_NS).expect("knows where it is").plans;
+    assert_eq!(plans(&picture).leader, Some(Plan::steady(made_ns, 0.0, 20.0)));
+    assert_eq!(plans(&picture).predecessor, None);
+    assert_eq!(picture.note(&plan(1, NOW_NS)), Noted::Used);
+    assert_eq!(plans(&picture).predecessor.map(|p| p.speed_mps[20]), Some(21.0));
+    assert_eq!(picture.note(&plan(1, NOW_NS - MS)), Noted::Outdated);
+    assert_eq!(picture.note(&plan(3, NOW_NS)), Noted::NotMine);
+}

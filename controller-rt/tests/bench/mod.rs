@@ -4,10 +4,10 @@ use std::cell::Cell;
 
 use controller_rt::{Config, Ecu, LawController};
 use law::qp::ActiveSet;
-use law::{Calibration, Law};
+use law::{Calibration, Law, Structure};
 use platoon_dbc::{
     Actuation, Bus, Clock, EgoState, Loopback, Message, Mission, NavStatus, Obstacle, ObstacleKind,
-    RunState, V2vState,
+    RunState, V2vState, V2vTrajectory,
 };
 use traces::Recorder;
 
@@ -35,20 +35,21 @@ impl Clock for StillClock {
     }
 }
 
-/// Truck 1's ECU with the paper's law, and the rig at the other end of its bus.
-pub fn follower(recorder: Option<Recorder>) -> (Rig, Ecu) {
+/// Truck 1's ECU with a law of this structure, and the rig at the other end of its bus.
+pub fn follower(structure: Structure, recorder: Option<Recorder>) -> (Rig, Ecu) {
     let (bus, ecu_bus) = Loopback::pair("loopback1", 1024);
-    let law = LawController::new(Law::new(Calibration::default(), ActiveSet));
+    let calibration = Calibration { structure, ..Calibration::default() };
+    let law = LawController::new(Law::new(calibration, ActiveSet));
     let config = Config { truck: 1, ..Config::default() };
     let ecu = Ecu::new(config, Box::new(ecu_bus), Box::new(law), recorder);
-    (Rig { bus, counters: [0; 7] }, ecu)
+    (Rig { bus, counters: [0; 9] }, ecu)
 }
 
 /// The other end of the bus.
 pub struct Rig {
     /// For frames that are put on the bus as they are.
     pub bus: Loopback,
-    counters: [u8; 7],
+    counters: [u8; 9],
 }
 
 impl Rig {
@@ -85,6 +86,14 @@ impl Rig {
                 position_x_m: 25.0 + 20.0 * t,
                 speed_mps: 20.0,
                 ..V2vState::default()
+            }));
+        }
+        if n.is_multiple_of(100) {
+            self.send(&Message::V2vTrajectory(V2vTrajectory {
+                generation_time_ns: time_ns.saturating_sub(50_000_000),
+                position_x_m: 25.0 + 20.0 * t,
+                speed_mps: [20.0; 21],
+                ..V2vTrajectory::default()
             }));
         }
         if n.is_multiple_of(50) {

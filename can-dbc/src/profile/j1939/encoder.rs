@@ -98,6 +98,10 @@ impl Encoder {
             Message::EcuStatus(status) => {
                 parts::put_ecu_status(status, next.part(frames::EcuProgress::INDEX), &mut batch)?;
             }
+            // 57 bytes ten times a second, on frames of eight: left to CAN FD.
+            Message::V2vTrajectory(_) | Message::V2vTrajectoryOut(_) => {
+                return Err(EncodeError::NotInProfile("j1939"));
+            }
         }
         *self = next;
         batch.iter().for_each(emit);

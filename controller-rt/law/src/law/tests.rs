@@ -1,5 +1,5 @@
 use super::*;
-use crate::observation::{Ego, Mission, Obstacle, V2v};
+use crate::observation::{Ego, Mission, Obstacle, Plans, V2v};
 
 const MS: u64 = 1_000_000;
 
@@ -31,6 +31,7 @@ fn seen(time_ns: u64) -> Observation {
         },
         leader: Some(leader),
         predecessor: Some(leader),
+        plans: Plans::default(),
         obstacles,
     }
 }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::observation::{Ego, Mission, Observation, Obstacle};
+use crate::observation::{Ego, Mission, Observation, Obstacle, Plans};
 use crate::potential::SafeDistance;
 use crate::qp::{ActiveSet, QpSolver, SolveStatus, WorkingSet};
 
@@ -28,6 +28,7 @@ fn seen(obstacle: Option<Obstacle>) -> Observation {
         },
         leader: None,
         predecessor: None,
+        plans: Plans::default(),
         obstacles,
     }
 }
@@ -37,6 +38,7 @@ fn request() -> Request {
         v_ref_mps: 17.0,
         q_ref: 200.0,
         slot: None,
+        course: None,
         plan: [[1.0, 0.5], [2.0, 0.2], [0.5, -0.4], [-1.0, -0.3], [0.3, 0.1]],
         applied: [0.8, 0.3],
         interval_s: 0.05,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::observation::Ego;
+use crate::observation::{Ego, Plans};
 
 fn seen(ego_x_m: f64, ego_y_m: f64, obstacle: Obstacle) -> Observation {
     let mut obstacles = [None; OBSTACLES_MAX];
@@ -15,6 +15,7 @@ fn seen(ego_x_m: f64, ego_y_m: f64, obstacle: Obstacle) -> Observation {
         },
         leader: None,
         predecessor: None,
+        plans: Plans::default(),
         obstacles,
     }
 }

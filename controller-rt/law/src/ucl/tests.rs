@@ -3,7 +3,7 @@
 //! figures are those of an independent simulation of the same delay-differential equation.
 
 use super::*;
-use crate::observation::{Ego, Mission, V2v};
+use crate::observation::{Ego, Mission, Plans, V2v};
 
 const TAU_S: f64 = 0.45;
 const SPACING_M: f64 = 20.0;
@@ -89,6 +89,7 @@ fn run_with(cal: UclCalibration, delay_ms: usize) -> Run {
                 },
                 leader: heard.map(|all| all[0]),
                 predecessor: heard.map(|all| all[i - 1]),
+                plans: Plans::default(),
                 obstacles: [None; crate::OBSTACLES_MAX],
             };
             memories[i - 1].note_seen(&seen);
@@ -164,6 +165,7 @@ fn a_truck_that_hears_no_leader_holds_the_set_speed() {
         mission: Mission { truck: 2, set_speed_mps: 18.0, ..Mission::default() },
         leader: None,
         predecessor: None,
+        plans: Plans::default(),
         obstacles: [None; crate::OBSTACLES_MAX],
     };
     let report = coordinate(&cal, &Memory::new(), &seen, 0.0);

@@ -198,6 +198,9 @@ fn what_does_not_fit_is_refused_by_name_and_costs_nothing() {
     let nan = Message::Actuation(Actuation { force_n: f64::NAN, ..Actuation::default() });
     let refused = encoder.encode(&nan, 0, &mut |_| panic!("emitted"));
     assert!(matches!(refused, Err(crate::EncodeError::NotANumber(_))));
+    let plan = Message::V2vTrajectoryOut(crate::V2vTrajectoryOut::default());
+    let refused = encoder.encode(&plan, 0, &mut |_| panic!("emitted"));
+    assert_eq!(refused, Err(crate::EncodeError::NotInProfile("j1939")));
 }
 
 /// Every slot with parts that wait for the rest: the largest that a decoder gets.

@@ -1,0 +1,35 @@
+//! What slows a truck that coasts: drag and rolling resistance, per unit of mass.
+
+use crate::calibration::TruckBelief;
+
+/// Standard gravity \[m/s²\].
+const GRAVITY_MPS2: f64 = 9.80665;
+/// Speed over which rolling resistance fades through zero at standstill \[m/s\].
+const ROLLING_FADE_MPS: f64 = 0.1;
+
+/// Deceleration by drag and rolling as a function of speed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Resistance {
+    drag_per_m: f64,
+    rolling_mps2: f64,
+}
+
+impl Resistance {
+    /// That of a truck on a level road.
+    pub fn new(truck: &TruckBelief) -> Self {
+        Self {
+            drag_per_m: truck.drag_n_per_mps2 / truck.mass_kg,
+            rolling_mps2: truck.rolling_resistance * GRAVITY_MPS2,
+        }
+    }
+
+    /// Deceleration at speed `u` \[m/s²\], and its derivative by speed \[1/s\].
+    pub fn mps2(&self, u: f64) -> (f64, f64) {
+        let length = libm::sqrt(u * u + ROLLING_FADE_MPS * ROLLING_FADE_MPS);
+        let sign = u / length;
+        (
+            self.drag_per_m * u * u.abs() + self.rolling_mps2 * sign,
+            2.0 * self.drag_per_m * u.abs() + self.rolling_mps2 * (1.0 - sign * sign) / length,
+        )
+    }
+}
