@@ -4,6 +4,7 @@ mod architecture;
 mod bench;
 mod bus_timing;
 mod determinism;
+mod distributed_mpc;
 mod faults;
 mod gateway;
 mod nominal;

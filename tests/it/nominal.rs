@@ -36,6 +36,7 @@ fn every_plant_is_the_same_truck() {
     // The rear axle's stiffness follows from its load and is a third of Table II's.
     let ratio = two.static_cornering_n_per_rad(0) / belief.front_stiffness_n_per_rad;
     assert!((ratio - 1.0).abs() < 1e-3, "front tyres {ratio}");
+    assert_eq!(two.drive_lag_s, Calibration::default().dmpc.lag_s, "two-track");
     let one = PredictionParameters::default();
     let is = [one.mass_kg, one.yaw_inertia_kgm2, one.front_axle_m, one.rear_axle_m];
     assert_eq!(is, believed, "prediction");

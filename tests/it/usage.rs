@@ -10,7 +10,7 @@ use crate::bench::{self, Run};
 /// Arguments, exit code, and what the first line on standard error must name.
 type Refusal = (&'static [&'static str], i32, &'static [&'static str]);
 
-const REFUSED: [Refusal; 37] = [
+const REFUSED: [Refusal; 39] = [
     // The scenario.
     (&["nosuch"], 2, &["\"nosuch\"", "obstacle-avoidance", "TOML"]),
     (&["/dev"], 2, &["/dev", "folder"]),
@@ -55,6 +55,12 @@ const REFUSED: [Refusal; 37] = [
     (&["--socketcand-beacon"], 2, &["required"]),
     (&["--bus", "udp", "--socketcand", "203.0.113.9:1"], 3, &["203.0.113.9:1", "this machine"]),
     // Its other words.
+    (&["--controller", "dmpc-pf", "--profile", "j1939"], 2, &["dmpc-pf", "j1939", "--profile fd"]),
+    (
+        &["--set", "law.dmpc.own_weight=[4.0, 10.0]"],
+        2,
+        &["law.dmpc.own_weight", "at least neighbour_weight"],
+    ),
     (&["--solver", "magic"], 2, &["--solver", "magic"]),
     (&["--json", "nosuch/summary.json"], 2, &["--json nosuch/summary.json", "folder"]),
     (&["--nosuch"], 2, &["--nosuch"]),

@@ -220,6 +220,9 @@ fn numbers(message: &Message) -> Vec<(f64, f64)> {
             (f64::from(m.misses), 0.0),
             (f64::from(m.skipped), 0.0),
         ],
+        Message::V2vTrajectory(_) | Message::V2vTrajectoryOut(_) => {
+            unreachable!("the profile does not carry plans")
+        }
     }
 }
 
