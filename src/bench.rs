@@ -192,10 +192,18 @@ fn host(
     let stop = Arc::clone(stop);
     let profile = args.run.profile;
     let vehicle = calibration::vehicle(&calibration);
+    let without_emergency_braking = args.law_options.no_emergency_braking;
     let run = move || {
         let obtained = process::become_realtime(process::ECU_PRIORITY, None);
         let realtime = Some(process::as_reported(&obtained));
-        let config = Config { truck, profile, vehicle, realtime, ..Config::default() };
+        let config = Config {
+            truck,
+            profile,
+            vehicle,
+            realtime,
+            without_emergency_braking,
+            ..Config::default()
+        };
         let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
         controller_rt::run(ecu, &HostClock::default(), &stop)
     };

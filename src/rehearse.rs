@@ -167,6 +167,9 @@ impl<'a> Plan<'a> {
             }
             Err(why) => outcome.notes.push(why),
         }
+        if self.args.law_options.no_emergency_braking {
+            outcome.notes.push("the guards' emergency layer was off".to_owned());
+        }
         let ran = outcome.results.as_ref().map_or(&[][..], |results| &results.trucks);
         // Who pressed Ctrl-C does not wait for another run to compare with.
         let measured = match outcome.interrupted {

@@ -145,7 +145,7 @@ impl Summary {
         let bus = BusSummary::new(&run, &results.wires);
         let mut notes = run.notes;
         let mut criteria = results.criteria;
-        criteria.extend(qp_criterion(run.scenario, &run.ecus));
+        criteria.extend(ecu_criteria(run.scenario, &run.ecus));
         for ecu in &run.ecus {
             notes.extend(complaints(ecu));
         }
@@ -221,15 +221,17 @@ fn timing(ecus: &[Report], floor: Option<&Floor>, period_ns: u64) -> TimingVerdi
     judge(ticks, late_wakeups(floor, period_ns))
 }
 
-/// The one criterion the rig cannot see.
-fn qp_criterion(scenario: &Scenario, ecus: &[Report]) -> Option<Criterion> {
-    let limit = scenario.criteria.max_qp_failures?;
+/// The criteria the rig cannot see: what the ECUs count.
+fn ecu_criteria(scenario: &Scenario, ecus: &[Report]) -> impl Iterator<Item = Criterion> {
+    let limits = &scenario.criteria;
     let failures: u64 = ecus.iter().map(|ecu| ecu.qp.failures).sum();
-    Some(Criterion {
-        name: "max_qp_failures".into(),
-        limit: limit.into(),
-        value: Some(failures as f64),
-        passed: failures <= u64::from(limit),
+    let brakings: u64 = ecus.iter().map(|ecu| u64::from(ecu.emergency_brakings)).sum();
+    let counted = [
+        ("max_qp_failures", limits.max_qp_failures, failures),
+        ("max_emergency_brakings", limits.max_emergency_brakings, brakings),
+    ];
+    counted.into_iter().filter_map(|(name, limit, count)| {
+        limit.map(|limit| Criterion::at_most(name, limit.into(), Some(count as f64)))
     })
 }
 

@@ -1,13 +1,18 @@
 //! Obstacles: things that follow a script and never react.
 //!
-//! Along the road a constant speed, `x(t) = x_m + speed t`; across the road a constant position or
-//! one quintic change from `y_m` to another position over a span of time (zero lateral speed and
-//! acceleration at both ends, the usual smooth lane change). An obstacle exists from its
-//! `appears_s` on.
+//! Along the road `x(t) = x_m + speed t`, from then on changed by every [`SpeedChange`]; across the
+//! road `y_m`, changed by every [`LaneChange`]. An obstacle exists from its `appears_s` on.
+//!
+//! Nothing keeps a script from driving into a truck from behind or from the side: clearance counts
+//! that as any other touch, so a scenario must not ask it.
+
+mod course;
 
 use serde::{Deserialize, Serialize};
 
 use crate::rectangle::Rectangle;
+
+pub use course::{LaneChange, SpeedChange};
 
 /// What kind of thing an obstacle is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -23,17 +28,17 @@ pub enum Kind {
 }
 
 /// One obstacle's script, as a scenario file states it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Obstacle {
     /// What it is.
     #[serde(default)]
     pub kind: Kind,
-    /// Where its constant speed would have put its centre at t = 0, along the road \[m\].
+    /// Where its first speed would have put its centre at t = 0, along the road \[m\].
     pub x_m: f64,
     /// Position of its centre across the road \[m\], until a lane change starts.
     pub y_m: f64,
-    /// Constant speed along the road \[m/s\].
+    /// Speed along the road \[m/s\], until it changes.
     pub speed_mps: f64,
     /// When it starts to exist \[s\].
     #[serde(default)]
@@ -44,21 +49,20 @@ pub struct Obstacle {
     /// Width of its box \[m\].
     #[serde(default = "van_width_m")]
     pub width_m: f64,
-    /// Its lane change, if it makes one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lane_change: Option<LaneChange>,
-}
-
-/// One smooth change of lateral position.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LaneChange {
-    /// Where it ends, across the road \[m\].
-    pub to_y_m: f64,
-    /// When it starts \[s\].
-    pub from_s: f64,
-    /// When it is done \[s\].
-    pub until_s: f64,
+    /// Its lane changes: one table, or a list in the order of time.
+    #[serde(
+        default,
+        deserialize_with = "course::one_or_more",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub lane_change: Vec<LaneChange>,
+    /// Its changes of speed: one table, or a list in the order of time.
+    #[serde(
+        default,
+        deserialize_with = "course::one_or_more",
+        skip_serializing_if = "Vec::is_empty"
+    )]
+    pub speed_change: Vec<SpeedChange>,
 }
 
 /// Where an obstacle is and how it moves at one instant.
@@ -92,29 +96,15 @@ impl Obstacle {
 
     /// Where the script puts it at bench time `time_s`, whether or not it exists yet.
     pub fn motion(&self, time_s: f64) -> Motion {
-        let (y_m, y_mps) = match &self.lane_change {
-            Some(change) => change.position(self.y_m, time_s),
-            None => (self.y_m, 0.0),
-        };
-        Motion { x_m: self.x_m + self.speed_mps * time_s, y_m, x_mps: self.speed_mps, y_mps }
+        let (along_m, x_mps) = course::along(self.speed_mps, &self.speed_change, time_s);
+        let (y_m, y_mps) = course::across(self.y_m, &self.lane_change, time_s);
+        Motion { x_m: self.x_m + along_m, y_m, x_mps, y_mps }
     }
 
     /// Its box on the road, given where it is.
     pub fn rectangle(&self, motion: &Motion) -> Rectangle {
         let heading_rad = motion.heading_rad();
         Rectangle::new(motion.x_m, motion.y_m, heading_rad, self.length_m, self.width_m)
-    }
-}
-
-impl LaneChange {
-    /// Lateral position \[m\] and speed \[m/s\]: `y0 + (y1 - y0) (10 p³ - 15 p⁴ + 6 p⁵)`.
-    fn position(&self, from_y_m: f64, time_s: f64) -> (f64, f64) {
-        let span_s = self.until_s - self.from_s;
-        let p = ((time_s - self.from_s) / span_s).clamp(0.0, 1.0);
-        let shape = p * p * p * (10.0 + p * (6.0 * p - 15.0));
-        let slope = 30.0 * p * p * (1.0 - p) * (1.0 - p);
-        let change_m = self.to_y_m - from_y_m;
-        (from_y_m + change_m * shape, change_m * slope / span_s)
     }
 }
 
@@ -139,13 +129,34 @@ mod tests {
             appears_s: 0.0,
             length_m: 6.0,
             width_m: 2.2,
-            lane_change: Some(LaneChange { to_y_m: 0.0, from_s: 0.0, until_s: 4.0 }),
+            lane_change: vec![LaneChange { to_y_m: 0.0, from_s: 0.0, until_s: 4.0 }],
+            speed_change: Vec::new(),
+        }
+    }
+
+    /// 15 m/s, from 2 s to 4.5 s down to a stop, from 10 s to 14 s up to 8 m/s.
+    fn stopping_van() -> Obstacle {
+        let stop = SpeedChange { to_speed_mps: 0.0, from_s: 2.0, until_s: 4.5 };
+        let start = SpeedChange { to_speed_mps: 8.0, from_s: 10.0, until_s: 14.0 };
+        Obstacle { lane_change: Vec::new(), speed_change: vec![stop, start], ..merging_van() }
+    }
+
+    /// Asserts that speeds are the slopes of positions.
+    #[track_caller]
+    fn assert_speeds_are_slopes(van: &Obstacle, until_s: f64) {
+        for k in 1..(until_s * 100.0) as u32 {
+            // Between the corners of the script.
+            let t_s = (f64::from(k) + 0.5) * 0.01;
+            let (before, now, after) =
+                (van.motion(t_s - 1e-5), van.motion(t_s), van.motion(t_s + 1e-5));
+            assert!(((after.x_m - before.x_m) / 2e-5 - now.x_mps).abs() < 1e-5, "{t_s} s");
+            assert!(((after.y_m - before.y_m) / 2e-5 - now.y_mps).abs() < 1e-5, "{t_s} s");
         }
     }
 
     #[test]
     fn constant_speed_passes_through_its_position_at_time_zero() {
-        let van = Obstacle { x_m: -36.0, speed_mps: 17.0, lane_change: None, ..merging_van() };
+        let van = Obstacle { x_m: -36.0, speed_mps: 17.0, ..merging_van() };
         assert!((van.motion(49.0).x_m - 797.0).abs() < 1e-9);
     }
 
@@ -155,11 +166,26 @@ mod tests {
         assert_eq!(van.motion(-1.0).y_m, -3.75);
         assert_eq!((van.motion(4.0).y_m, van.motion(9.0).y_mps), (0.0, 0.0));
         assert!((van.motion(2.0).y_m + 1.875).abs() < 1e-12);
-        for k in 1..400 {
-            let t_s = f64::from(k) * 0.01;
-            let slope = (van.motion(t_s + 1e-5).y_m - van.motion(t_s - 1e-5).y_m) / 2e-5;
-            assert!((slope - van.motion(t_s).y_mps).abs() < 1e-6);
-        }
+        assert_speeds_are_slopes(&van, 5.0);
+    }
+
+    #[test]
+    fn a_second_lane_change_leaves_from_where_the_first_arrived() {
+        let mut van = merging_van();
+        van.lane_change.push(LaneChange { to_y_m: 3.75, from_s: 6.0, until_s: 9.0 });
+        let y_m = |time_s| van.motion(time_s).y_m;
+        assert_eq!((y_m(0.0), y_m(5.0), y_m(7.5), y_m(9.0)), (-3.75, 0.0, 1.875, 3.75));
+        assert_speeds_are_slopes(&van, 10.0);
+    }
+
+    #[test]
+    fn a_van_that_brakes_stands_still_and_starts_again() {
+        let van = stopping_van();
+        let (brakes, stands, goes) = (van.motion(3.0), van.motion(7.0), van.motion(20.0));
+        assert_eq!((brakes.x_mps, stands.x_mps, goes.x_mps), (9.0, 0.0, 8.0));
+        assert!((stands.x_m - (-17.0 + 30.0 + 15.0 * 15.0 / 12.0)).abs() < 1e-9);
+        assert!((goes.x_m - stands.x_m - (16.0 + 48.0)).abs() < 1e-9);
+        assert_speeds_are_slopes(&van, 20.0);
     }
 
     #[test]

@@ -305,7 +305,8 @@ mod tests {
             appears_s,
             length_m: 6.0,
             width_m: 2.2,
-            lane_change: None,
+            lane_change: Vec::new(),
+            speed_change: Vec::new(),
         }
     }
 

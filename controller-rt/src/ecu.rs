@@ -43,6 +43,8 @@ pub struct Config {
     pub vehicle: Vehicle,
     /// Real-time privileges obtained, for the report.
     pub realtime: Option<Realtime>,
+    /// The guard's emergency layer does not brake: to see what the law does alone.
+    pub without_emergency_braking: bool,
 }
 
 /// One truck's ECU.
@@ -106,7 +108,8 @@ impl Ecu {
         controller: Box<dyn Controller>,
         recorder: Option<Recorder>,
     ) -> Self {
-        let Config { truck, profile, vehicle, .. } = config;
+        let Config { truck, profile, vehicle, without_emergency_braking, .. } = config;
+        let guard = Guard::new();
         Self {
             config,
             bus,
@@ -114,7 +117,11 @@ impl Ecu {
             recording: Recording::new(recorder, truck),
             inbox: Inbox::new(Decoder::new(profile, vehicle)),
             picture: Picture::new(truck),
-            guard: Guard::new(),
+            guard: if without_emergency_braking {
+                guard.without_emergency_braking()
+            } else {
+                guard
+            },
             outbox: Outbox::new(Encoder::new(profile, vehicle)),
             statistics: Statistics::new(),
             snapshot: SnapshotBuffer::new(),
@@ -210,6 +217,7 @@ impl Ecu {
             miss_causes: self.statistics.miss_causes(),
             skip_causes: self.statistics.skip_causes(),
             guard: self.statistics.guard_reasons(),
+            emergency_brakings: self.guard.emergency_brakings(),
             received: self.inbox.counts(),
             sent: self.outbox.counts(),
             receive_overflow: self.bus.counts().receive_overflow,
@@ -261,7 +269,8 @@ impl Ecu {
             steering_rad: decision.steering_rad,
             plan: plan(decision.outcome),
         });
-        let admitted = self.guard.admit(now_ns, proposal, self.picture.own_motion(now_ns));
+        let (own, objects) = (self.picture.own_motion(now_ns), self.picture.objects(now_ns));
+        let admitted = self.guard.admit(now_ns, proposal, own, &objects);
         self.controller.note_applied(admitted.force_n, admitted.steering_rad);
         self.statistics.count_guard(admitted.reason);
         admitted

@@ -10,6 +10,13 @@
 //!    straight and braking, as the rig does with a truck whose ECU fell silent.
 //! 3. No solved plan for [`NO_PLAN_NS`]: brake, on the steering of the shifted plan. Straightening
 //!    in the middle of a lane change would leave the lane; the truck still knows where it is.
+//! 4. An object ahead that only hard braking avoids: [`emergency`] braking, on the plan's steering.
+
+pub mod emergency;
+mod track;
+
+use emergency::{Emergency, PAGES};
+pub use track::Object;
 
 use serde::{Deserialize, Serialize};
 
@@ -73,12 +80,22 @@ pub enum Plan {
 }
 
 /// What the truck knows about its own motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct OwnMotion {
     /// Whether the navigation solution is recent and declared usable.
     pub trusted: bool,
+    /// When the newest navigation solution was valid \[ns\].
+    pub time_ns: u64,
+    /// CG position along the road \[m\].
+    pub x_m: f64,
+    /// CG position across the road \[m\].
+    pub y_m: f64,
     /// Newest forward speed \[m/s\].
     pub forward_mps: f64,
+    /// Speed across the road \[m/s\], positive to the left.
+    pub left_mps: f64,
+    /// Acceleration across the truck \[m/s²\], positive to the left.
+    pub left_mps2: f64,
 }
 
 /// Why the guard changed a command, most severe last.
@@ -95,6 +112,8 @@ pub enum Reason {
     Steering,
     /// The steering would lead to too much lateral acceleration at this speed.
     LateralAccel,
+    /// An object ahead requires harder braking than was asked for.
+    Emergency,
     /// Too long without a solved plan.
     NoPlan,
     /// It was not a number.
@@ -105,12 +124,13 @@ pub enum Reason {
 
 impl Reason {
     /// All reasons, in the order of their numbers.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Passed,
         Self::Rate,
         Self::Force,
         Self::Steering,
         Self::LateralAccel,
+        Self::Emergency,
         Self::NoPlan,
         Self::NotFinite,
         Self::EgoStale,
@@ -125,6 +145,7 @@ impl Reason {
             Self::Force => "force",
             Self::Steering => "steering",
             Self::LateralAccel => "lateral_accel",
+            Self::Emergency => "emergency",
             Self::NoPlan => "no_plan",
             Self::NotFinite => "not_finite",
             Self::EgoStale => "ego_stale",
@@ -134,7 +155,7 @@ impl Reason {
     /// Whether the command sent is the guard's own and not a limited proposal.
     #[must_use]
     pub fn replaces(self) -> bool {
-        self >= Self::NoPlan
+        self >= Self::Emergency
     }
 }
 
@@ -161,6 +182,7 @@ pub struct Guard {
     trusted_ns: Option<u64>,
     solved_ns: Option<u64>,
     unsolved_ticks: u32,
+    emergency: Emergency,
 }
 
 impl Guard {
@@ -170,10 +192,29 @@ impl Guard {
         Self::default()
     }
 
-    /// Turns a proposal into what may be sent at bench time `now_ns`.
+    /// The same guard without its emergency layer.
+    #[must_use]
+    pub fn without_emergency_braking(self) -> Self {
+        Self { emergency: Emergency::off(), ..self }
+    }
+
+    /// How often the emergency layer began to brake.
+    #[must_use]
+    pub const fn emergency_brakings(&self) -> u32 {
+        self.emergency.triggers()
+    }
+
+    /// Turns a proposal into what may be sent at bench time `now_ns`, given the objects seen, by
+    /// page.
     ///
-    /// `None` stands for a tick at which the controller could not be asked.
-    pub fn admit(&mut self, now_ns: u64, proposal: Option<Proposal>, own: OwnMotion) -> Admitted {
+    /// No proposal stands for a tick at which the controller could not be asked.
+    pub fn admit(
+        &mut self,
+        now_ns: u64,
+        proposal: Option<Proposal>,
+        own: OwnMotion,
+        objects: &[Option<Object>; PAGES],
+    ) -> Admitted {
         let forward_mps = if own.forward_mps.is_finite() { own.forward_mps } else { 0.0 };
         let usable = match proposal {
             _ if !own.trusted => Err(Reason::EgoStale),
@@ -189,6 +230,12 @@ impl Guard {
             }
             Ok(p) => ((p.force_n, p.steering_rad), Reason::Passed),
             Err(reason) => (self.safe_wish(now_ns, own.trusted.then_some(forward_mps)), reason),
+        };
+        let (wish, replaced) = match self.emergency.force_n(now_ns, &own, objects) {
+            Some(force_n) if force_n < wish.0 => {
+                ((force_n, wish.1), replaced.max(Reason::Emergency))
+            }
+            _ => (wish, replaced),
         };
         let admitted = self.limit(now_ns, wish, forward_mps, replaced);
         if usable.is_ok() {

@@ -11,7 +11,7 @@ use platoon_dbc::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::guard::OwnMotion;
+use crate::guard::{Object, OwnMotion};
 
 /// Periods an `EgoState` stays fresh: two may be missing, as on a bus with a rare lost frame.
 pub const EGO_FRESH_PERIODS: u64 = 3;
@@ -187,10 +187,30 @@ impl Picture {
     /// What the guard needs to know about the truck's own motion at `now_ns`.
     #[must_use]
     pub fn own_motion(&self, now_ns: u64) -> OwnMotion {
+        let Some(ego) = self.ego else {
+            return OwnMotion::default();
+        };
+        let (sin, cos) = ego.heading_rad.sin_cos();
         OwnMotion {
             trusted: self.ego_freshness(now_ns) == Freshness::Fresh,
-            forward_mps: self.ego.map_or(0.0, |ego| ego.speed_forward_mps),
+            time_ns: ego.bench_time_ns,
+            x_m: ego.position_x_m,
+            y_m: ego.position_y_m,
+            forward_mps: ego.speed_forward_mps,
+            left_mps: ego.speed_forward_mps * sin + ego.speed_lateral_mps * cos,
+            left_mps2: ego.speed_forward_mps * ego.yaw_rate_radps,
         }
+    }
+
+    /// What the guard must not let the truck run into, by page: every object the sensors report now,
+    /// trucks of the platoon like any other. What may be driven over is none.
+    #[must_use]
+    pub fn objects(&self, now_ns: u64) -> [Option<Object>; OBSTACLES_MAX] {
+        self.obstacles.map(|held| {
+            let is_solid =
+                |held: &Obstacle| !matches!(held.kind, ObstacleKind::None | ObstacleKind::Bump);
+            held.filter(|held| is_solid(held) && obstacle_is_alive(held, now_ns)).map(object)
+        })
     }
 
     /// Everything the law may know at `now_ns`; `None` while the truck does not know where it is.
@@ -336,6 +356,21 @@ fn seen_obstacle(obstacle: &Obstacle, platoon: &Platoon) -> Option<law::Obstacle
         length_m: obstacle.length_m,
         width_m: obstacle.width_m,
     })
+}
+
+/// The object as the guard wants it: its box along and across the road.
+fn object(obstacle: Obstacle) -> Object {
+    let (sin, cos) = obstacle.heading_rad.sin_cos();
+    let (sin, cos) = (sin.abs(), cos.abs());
+    Object {
+        measured_ns: obstacle.measured_time_ns,
+        x_m: obstacle.position_x_m,
+        y_m: obstacle.position_y_m,
+        x_mps: obstacle.speed_x_mps,
+        y_mps: obstacle.speed_y_mps,
+        half_length_m: 0.5 * (obstacle.length_m * cos + obstacle.width_m * sin),
+        half_width_m: 0.5 * (obstacle.length_m * sin + obstacle.width_m * cos),
+    }
 }
 
 fn own_state(ego: &EgoState) -> Ego {

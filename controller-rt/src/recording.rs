@@ -202,6 +202,7 @@ fn guard_reason(reason: Reason) -> GuardReason {
         Reason::Rate => GuardReason::Rate,
         Reason::Force => GuardReason::Force,
         Reason::Steering | Reason::LateralAccel => GuardReason::Steering,
+        Reason::Emergency => GuardReason::Emergency,
         Reason::NoPlan => GuardReason::NoPlan,
         Reason::NotFinite => GuardReason::NotFinite,
         Reason::EgoStale => GuardReason::EgoStale,

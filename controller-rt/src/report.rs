@@ -38,6 +38,9 @@ pub struct Report {
     pub skip_causes: BTreeMap<String, u64>,
     /// Commands the guard changed, by its reason.
     pub guard: BTreeMap<String, u64>,
+    /// How often the guard's emergency layer began to brake.
+    #[serde(default)]
+    pub emergency_brakings: u32,
     /// Frames received, by what became of them.
     pub received: InboxCounts,
     /// Frames sent.

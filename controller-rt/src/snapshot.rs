@@ -10,13 +10,13 @@ use crate::outbox::OutboxState;
 use crate::picture::Picture;
 
 /// Format of the bytes; a replay refuses another.
-const VERSION: u8 = 3;
+const VERSION: u8 = 4;
 /// Room for the picture: twelve messages of at most a hundred bytes, and two plans of two hundred.
 const PICTURE_BYTES: usize = 2048;
 /// Room for a controller's memory.
 const CONTROLLER_BYTES: usize = 32 * 1024;
 /// Room for guard, encoder and decoder: a decoder with parts of every message in flight is largest.
-const OTHER_BYTES: usize = 4096;
+const OTHER_BYTES: usize = 5120;
 /// Room for all.
 const ALL_BYTES: usize = PICTURE_BYTES + CONTROLLER_BYTES + OTHER_BYTES;
 

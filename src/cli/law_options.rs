@@ -19,6 +19,9 @@ pub struct LawArgs {
     /// Law of the coordination layer; the scenario's own when left out.
     #[arg(long, value_enum)]
     pub ucl: Option<UclKind>,
+    /// Let the law drive alone: the guard's emergency layer does not brake.
+    #[arg(long)]
+    pub no_emergency_braking: bool,
 }
 
 impl LawArgs {
@@ -44,7 +47,9 @@ impl LawArgs {
             self.delay_reading.map(|reading| ("--delay-reading", reading.word())),
             self.ucl.map(|ucl| ("--ucl", ucl.word())),
         ];
-        options.into_iter().flatten().flat_map(|(flag, word)| [flag.to_owned(), word]).collect()
+        let pairs = options.into_iter().flatten();
+        let alone = self.no_emergency_braking.then(|| "--no-emergency-braking".to_owned());
+        pairs.flat_map(|(flag, word)| [flag.to_owned(), word]).chain(alone).collect()
     }
 }
 

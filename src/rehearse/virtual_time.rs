@@ -214,6 +214,7 @@ fn ecu(plan: &Plan<'_>, setting: &Setting<'_>, truck: u8, end: Loopback) -> Resu
         truck,
         profile: setting.profile,
         vehicle: calibration::vehicle(&plan.calibration),
+        without_emergency_braking: plan.args.law_options.no_emergency_braking,
         ..Config::default()
     };
     Ok(Ecu::new(config, Box::new(end), law, recorder))

@@ -246,6 +246,9 @@ fn ecu_line(ecu: &Report, is_virtual: bool) -> String {
         "; {} QPs, {} failed, at most {} iterations",
         qp.solves, qp.failures, qp.iterations_max
     );
+    if ecu.emergency_brakings > 0 {
+        line += &format!("; EMERGENCY BRAKING, {} times", ecu.emergency_brakings);
+    }
     if is_virtual {
         return line;
     }

@@ -37,6 +37,8 @@ choices! {
         EgoStale = 6,
         /// The mission has ended or none came.
         NoMission = 7,
+        /// An object ahead required harder braking.
+        Emergency = 8,
     }
 }
 

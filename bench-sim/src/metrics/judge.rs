@@ -39,7 +39,7 @@ impl Criterion {
 
 /// The criteria the rig can judge, in the scenario's order.
 ///
-/// `max_qp_failures` is not among them: only the ECUs know.
+/// `max_qp_failures` and `max_emergency_brakings` are not among them: only the ECUs know.
 pub(crate) fn judge(limits: &Criteria, trucks: &[TruckResult]) -> Vec<Criterion> {
     let mut judged = Vec::new();
     judge_upper_limits(limits, trucks, &mut judged);

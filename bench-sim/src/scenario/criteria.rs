@@ -70,6 +70,9 @@ pub struct Criteria {
     /// How many QPs may fail; the rig cannot see this, whoever reads the ECUs' records judges it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_qp_failures: Option<u32>,
+    /// How often the guards of all ECUs together may begin an emergency braking; judged likewise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_emergency_brakings: Option<u32>,
 }
 
 impl Default for Criteria {
@@ -97,6 +100,7 @@ impl Default for Criteria {
             max_steer_rate_radps: None,
             max_lost_commands: None,
             max_qp_failures: None,
+            max_emergency_brakings: None,
         }
     }
 }

@@ -4,7 +4,7 @@
 
 use super::load::ScenarioError;
 use super::{Model, Plant, Road, Scenario};
-use crate::obstacle::LaneChange;
+use crate::obstacle::Obstacle;
 use crate::truck::scripted::PHASES_MAX;
 use crate::truck::two_track::FRICTION_PATCHES_MAX;
 
@@ -16,6 +16,9 @@ pub const OBSTACLES_MAX: usize = 8;
 
 /// Fastest anything may go \[m/s\]; the messages carry up to 52 m/s.
 const SPEED_MAX_MPS: f64 = 40.0;
+
+/// Hardest any obstacle may brake or speed up \[m/s²\].
+const ACCEL_MAX_MPS2: f64 = 10.0;
 
 /// Furthest to the side anything may be \[m\].
 const SIDE_MAX_M: f64 = 100.0;
@@ -185,25 +188,49 @@ impl<'a> Checker<'a> {
             self.within(&key("appears_s"), o.appears_s, 0.0, 3600.0)?;
             self.within(&key("length_m"), o.length_m, 0.1, 30.0)?;
             self.within(&key("width_m"), o.width_m, 0.1, 10.0)?;
-            if let Some(change) = &o.lane_change {
-                self.check_lane_change(change, o.y_m, key)?;
-            }
+            self.check_lane_changes(o, key)?;
+            self.check_speed_changes(o, key)?;
         }
         Ok(())
     }
 
-    fn check_lane_change(
+    fn check_lane_changes(
         &self,
-        change: &LaneChange,
-        from_y_m: f64,
+        obstacle: &Obstacle,
         key: impl Fn(&str) -> String,
     ) -> Result<(), ScenarioError> {
-        self.within(&key("lane_change.to_y_m"), change.to_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
-        self.within(&key("lane_change.from_s"), change.from_s, -3600.0, 3600.0)?;
-        // The quintic's peak speed is 15/8 of its mean; the messages carry up to 52 m/s.
-        let shortest_s = 1.875 * (change.to_y_m - from_y_m).abs() / SPEED_MAX_MPS;
-        let earliest_s = change.from_s + shortest_s.max(0.1);
-        self.within(&key("lane_change.until_s"), change.until_s, earliest_s, 7200.0)
+        let (mut y_m, mut free_s) = (obstacle.y_m, -3600.0);
+        for (index, change) in obstacle.lane_change.iter().enumerate() {
+            let key = |field: &str| key(&format!("lane_change.{}.{field}", index + 1));
+            self.within(&key("to_y_m"), change.to_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
+            self.within(&key("from_s"), change.from_s, free_s, 3600.0)?;
+            // The quintic's peak speed is 15/8 of its mean; the messages carry up to 52 m/s.
+            let shortest_s = 1.875 * (change.to_y_m - y_m).abs() / SPEED_MAX_MPS;
+            let earliest_s = change.from_s + shortest_s.max(0.1);
+            self.within(&key("until_s"), change.until_s, earliest_s, 7200.0)?;
+            (y_m, free_s) = (change.to_y_m, change.until_s);
+        }
+        Ok(())
+    }
+
+    fn check_speed_changes(
+        &self,
+        obstacle: &Obstacle,
+        key: impl Fn(&str) -> String,
+    ) -> Result<(), ScenarioError> {
+        let (mut speed_mps, mut free_s) = (obstacle.speed_mps, 0.0);
+        for (index, change) in obstacle.speed_change.iter().enumerate() {
+            let key = |field: &str| key(&format!("speed_change.{}.{field}", index + 1));
+            let to_mps = change.to_speed_mps;
+            self.within(&key("to_speed_mps"), to_mps, -SPEED_MAX_MPS, SPEED_MAX_MPS)?;
+            self.within(&key("from_s"), change.from_s, free_s, 3600.0)?;
+            // Nothing on wheels brakes or accelerates harder than its tyres.
+            let shortest_s = (to_mps - speed_mps).abs() / ACCEL_MAX_MPS2;
+            let earliest_s = change.from_s + shortest_s.max(1e-3);
+            self.within(&key("until_s"), change.until_s, earliest_s, 7200.0)?;
+            (speed_mps, free_s) = (to_mps, change.until_s);
+        }
+        Ok(())
     }
 
     fn check_criteria(&self, s: &Scenario) -> Result<(), ScenarioError> {

@@ -6,13 +6,24 @@ use super::Scenario;
 use super::limits::Checker;
 
 /// The scenarios that come with the bench: name and text.
-const BUILT_IN: [(&str, &str); 6] = [
+const BUILT_IN: [(&str, &str); 11] = [
     ("obstacle-avoidance", include_str!("../../scenarios/obstacle-avoidance.toml")),
+    (
+        "obstacle-avoidance-12m-back",
+        include_str!("../../scenarios/obstacle-avoidance-12m-back.toml"),
+    ),
     ("hil-obstacle-avoidance", include_str!("../../scenarios/hil-obstacle-avoidance.toml")),
+    (
+        "hil-obstacle-avoidance-delay",
+        include_str!("../../scenarios/hil-obstacle-avoidance-delay.toml"),
+    ),
     ("merging", include_str!("../../scenarios/merging.toml")),
     ("platooning", include_str!("../../scenarios/platooning.toml")),
     ("platooning-o", include_str!("../../scenarios/platooning-o.toml")),
     ("platooning-z", include_str!("../../scenarios/platooning-z.toml")),
+    ("braking-obstacle", include_str!("../../scenarios/braking-obstacle.toml")),
+    ("cut-in", include_str!("../../scenarios/cut-in.toml")),
+    ("bump", include_str!("../../scenarios/bump.toml")),
 ];
 
 /// Longest scenario file that is read \[bytes\].

@@ -77,6 +77,37 @@ fn keys_that_only_make_sense_together_can_be_set_together() {
 }
 
 #[test]
+fn changes_of_speed_and_lane_are_one_table_or_a_list() {
+    let one = "{ to_speed_mps = 0, from_s = 5, until_s = 7.5 }";
+    let scenario = load(&[("obstacles.1.speed_change", one)]).expect("loads");
+    assert_eq!(scenario.obstacles[0].motion(8.0).x_mps, 0.0);
+    let more = "[{ to_speed_mps = 0, from_s = 5, until_s = 7.5 }, \
+                 { to_speed_mps = 4, from_s = 8, until_s = 12 }]";
+    let scenario = load(&[
+        ("obstacles.1.speed_change", more),
+        ("obstacles.1.speed_change.2.to_speed_mps", "6"),
+    ]);
+    assert_eq!(scenario.expect("loads").obstacles[0].motion(20.0).x_mps, 6.0);
+}
+
+#[test]
+fn impossible_courses_are_refused() {
+    let hard = "{ to_speed_mps = 0, from_s = 5, until_s = 6 }";
+    refused("obstacles.1.speed_change", hard, &["speed_change.1.until_s = 6", "6.5 to"]);
+    let overlapping = "[{ to_speed_mps = 9, from_s = 5, until_s = 7 }, \
+                        { to_speed_mps = 15, from_s = 6, until_s = 8 }]";
+    refused("obstacles.1.speed_change", overlapping, &["speed_change.2.from_s = 6", "7 to"]);
+    let fast = "{ to_speed_mps = 80, from_s = 5, until_s = 60 }";
+    refused("obstacles.1.speed_change", fast, &["speed_change.1.to_speed_mps = 80", "40"]);
+    let nameless = "{ to_mps = 0, from_s = 5, until_s = 7.5 }";
+    refused("obstacles.1.speed_change", nameless, &["to_mps", "to_speed_mps"]);
+    refused("obstacles.1.speed_change", "3", &["obstacles.1.speed_change=3"]);
+    let back =
+        "[{ to_y_m = 3.75, from_s = 5, until_s = 8 }, { to_y_m = 0, from_s = 7, until_s = 9 }]";
+    refused("obstacles.1.lane_change", back, &["lane_change.2.from_s = 7", "8 to"]);
+}
+
+#[test]
 fn a_written_scenario_loads_back_the_same() {
     let patches = "[{ from_x_m = 10, until_x_m = 20, friction = 0.2 }]";
     let scenario = load(&[
@@ -84,6 +115,7 @@ fn a_written_scenario_loads_back_the_same() {
         ("law.x", "1"),
         ("plant.model", "two-track"),
         ("road.friction_patches", patches),
+        ("obstacles.1.speed_change", "{ to_speed_mps = 0, from_s = 5, until_s = 7.5 }"),
     ])
     .expect("loads");
     let back: Scenario = toml::from_str(&scenario.to_toml()).expect("parses");
