@@ -10,12 +10,27 @@ use serde_json::Value;
 use crate::repository;
 
 /// Every crate of ours with the crates of ours it may use.
-const ARROWS: [(&str, &[&str]); 7] = [
-    ("platoon", &["bench-sim", "controller-rt", "law", "platoon-dbc", "traces", "vcan-setup"]),
+const ARROWS: [(&str, &[&str]); 10] = [
+    (
+        "platoon",
+        &[
+            "bench-sim",
+            "certificate",
+            "controller-rt",
+            "law",
+            "platoon-dbc",
+            "synthesis",
+            "traces",
+            "vcan-setup",
+        ],
+    ),
     ("controller-rt", &["law", "platoon-dbc", "traces"]),
     ("bench-sim", &["platoon-dbc", "traces"]),
     ("traces", &["platoon-dbc"]),
     ("law", &[]),
+    ("synthesis", &["certificate"]),
+    ("certificate", &[]),
+    ("lapack-src", &[]),
     ("platoon-dbc", &[]),
     ("vcan-setup", &[]),
 ];

@@ -1,0 +1,282 @@
+//! All checks of a gain, each with its number and its threshold.
+
+use crate::check::{self, Checked, Part, Subject};
+use crate::file::{GainFile, PlatoonProof, VehicleProofs};
+use crate::form::Channel;
+use crate::gain::{DelayBound, Lags, Rate};
+use crate::margin;
+use crate::proof::Wirtinger;
+use crate::simulation::{Course, Leader, Run};
+use crate::spectrum;
+
+/// Constant delays looked at between none and the bound.
+const DELAYS: usize = 5;
+/// Followers of the simulated platoon.
+const SIMULATED: usize = 3;
+/// Seeds of every random course of the delays.
+const SEEDS: u64 = 10;
+/// Length of a simulated run \[s\].
+const RUN_S: f64 = 24.0;
+/// What may be left of an error at a run's end, relative to its peak.
+const LEFT_MAX: f64 = 0.02;
+/// A simulated gain may exceed the proven one by what the steps of the simulation cost.
+const STEP_ERROR: f64 = 1.005;
+
+/// What a gain is to be good for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Conditions {
+    /// The lags it has to cope with.
+    pub lags: Lags,
+    /// The longest delay \[s\].
+    pub longest_s: f64,
+    /// Time between two messages \[s\].
+    pub period_s: f64,
+}
+
+impl Conditions {
+    /// Those a gain file names itself.
+    #[must_use]
+    pub fn of(file: &GainFile, period_s: f64) -> Self {
+        Self { lags: file.plant, longest_s: file.delay.longest_s, period_s }
+    }
+}
+
+/// What a number is held against.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Threshold {
+    /// It must be less.
+    Below(f64),
+    /// It must be more.
+    Above(f64),
+    /// It is only told.
+    None,
+}
+
+/// One line of a verdict.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Finding {
+    /// What was looked at.
+    pub what: String,
+    /// The number found.
+    pub number: f64,
+    /// What it is held against.
+    pub threshold: Threshold,
+    /// Whether it stands the test; true where there is none.
+    pub is_passed: bool,
+}
+
+impl Finding {
+    fn new(what: impl Into<String>, number: f64, threshold: Threshold) -> Self {
+        let is_passed = match threshold {
+            Threshold::Below(most) => number < most,
+            Threshold::Above(least) => number > least,
+            Threshold::None => true,
+        };
+        Self { what: what.into(), number, threshold, is_passed }
+    }
+}
+
+/// All findings about a gain.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Verdict {
+    /// In the order they were made.
+    pub findings: Vec<Finding>,
+}
+
+impl Verdict {
+    /// Whether the gain is certified.
+    #[must_use]
+    pub fn is_certified(&self) -> bool {
+        !self.findings.is_empty() && self.findings.iter().all(|finding| finding.is_passed)
+    }
+
+    fn add(&mut self, what: impl Into<String>, number: f64, threshold: Threshold) {
+        self.findings.push(Finding::new(what, number, threshold));
+    }
+}
+
+/// Checks everything.
+#[must_use]
+pub fn certify(file: &GainFile, conditions: &Conditions) -> Verdict {
+    let mut verdict = proofs(file, conditions);
+    margins(file, conditions, &mut verdict);
+    peaks(file, conditions, &mut verdict);
+    string(file, &mut verdict);
+    runs(file, conditions, &mut verdict);
+    verdict
+}
+
+/// Checks the proofs alone, which is what an ECU does at its start: they imply the rest.
+#[must_use]
+pub fn proofs(file: &GainFile, conditions: &Conditions) -> Verdict {
+    let mut verdict = Verdict::default();
+    let (lags, delay) = covering(file, conditions);
+    let count = file.platoon.len() + usize::from(file.vehicle.is_some());
+    verdict.add("proofs in the file", count as f64, Threshold::Above(0.0));
+    if let Some(vehicle) = &file.vehicle {
+        if vehicle.coupling.is_none() && file.gain.is_coupled() {
+            verdict.add("one truck: proofs of what is forwarded", 0.0, Threshold::Above(0.0));
+        }
+        for (name, channel, proof) in channels(vehicle) {
+            let subject = Subject { gain: file.gain, lags, part: Part::Vehicle(channel) };
+            let checked = check::wirtinger(&subject, delay.longest_s, proof);
+            add_proof(&mut verdict, &format!("one truck, {name}"), proof.gamma, checked);
+        }
+    }
+    for PlatoonProof { followers, proof } in &file.platoon {
+        let subject = Subject { gain: file.gain, lags, part: Part::Platoon(*followers) };
+        let checked = check::jensen(&subject, delay, proof);
+        add_proof(&mut verdict, &format!("{followers} followers"), proof.gamma, checked);
+    }
+    verdict
+}
+
+/// What the proofs are checked for: what the file says, unless more is asked for. A proof for a
+/// longer delay holds for a shorter one, one for more lags for fewer.
+fn covering(file: &GainFile, conditions: &Conditions) -> (Lags, DelayBound) {
+    let lags = if file.plant.cover(&conditions.lags) { file.plant } else { conditions.lags };
+    let longest_s = conditions.longest_s.max(file.delay.longest_s);
+    (lags, DelayBound { longest_s, rate: file.delay.rate })
+}
+
+fn channels(vehicle: &VehicleProofs) -> Vec<(&'static str, Channel, &Wirtinger)> {
+    let mut channels =
+        vec![("w to error", Channel::DisturbanceToError, &vehicle.disturbance_to_error)];
+    if let Some(coupling) = &vehicle.coupling {
+        channels.extend([
+            ("w to K2 x", Channel::DisturbanceToForwarded, &coupling.disturbance_to_forwarded),
+            ("v to error", Channel::ForwardedToError, &coupling.forwarded_to_error),
+            ("v to K2 x", Channel::ForwardedToForwarded, &coupling.forwarded_to_forwarded),
+        ]);
+    }
+    channels
+}
+
+fn add_proof(verdict: &mut Verdict, name: &str, gamma: f64, checked: Checked) {
+    let Checked { form_max, positive_min, is_exact } = checked;
+    let of = format!("proof of gamma {gamma} ({name})");
+    verdict.add(format!("{of}: largest eigenvalue"), form_max, Threshold::Below(0.0));
+    verdict.add(format!("{of}: least of P, Z, ..."), positive_min, Threshold::Above(0.0));
+    let exact = f64::from(u8::from(is_exact));
+    verdict.add(format!("{of}: exact, 1 is yes"), exact, Threshold::Above(0.5));
+}
+
+fn margins(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
+    let (gain, lags) = (&file.gain, &conditions.lags);
+    let longest_s = conditions.longest_s;
+    let margin_s = margin::over(lags, |lag_s| margin::delay_margin_s(gain, lag_s));
+    verdict.add("longest constant delay [s]", margin_s, Threshold::Above(longest_s));
+    let any_s = margin::over(lags, |lag_s| margin::any_rate_small_gain_s(gain, lag_s));
+    verdict.add("longest delay at any rate, by small gain [s]", any_s, Threshold::None);
+    for i in 0..=DELAYS {
+        let delay_s = longest_s * i as f64 / DELAYS as f64;
+        let right = |lag_s: f64| {
+            spectrum::rightmost_root(gain, lag_s, delay_s).map_or(f64::INFINITY, |root| root.re)
+        };
+        let right = lags.ends().into_iter().map(right).fold(f64::NEG_INFINITY, f64::max);
+        let what = format!("rightmost root at {delay_s:.3} s [1/s]");
+        verdict.add(what, right, Threshold::Below(0.0));
+    }
+    let period_s = conditions.period_s;
+    let latency_s = (longest_s - period_s).max(0.0);
+    let radius = |lag_s: f64| {
+        spectrum::sampled_radius(gain, lag_s, period_s, latency_s).unwrap_or(f64::INFINITY)
+    };
+    let radius = lags.ends().into_iter().map(radius).fold(0.0, f64::max);
+    let what = format!("spectral radius, {period_s} s messages {latency_s:.3} s late");
+    verdict.add(what, radius, Threshold::Below(1.0));
+}
+
+fn peaks(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
+    let none = margin::Peaks { error: 0.0, forwarded: 0.0, gap: 0.0 };
+    let mut most = none;
+    for i in 0..=DELAYS {
+        let delay_s = conditions.longest_s * i as f64 / DELAYS as f64;
+        for lag_s in conditions.lags.ends() {
+            let peaks = margin::peaks(&file.gain, lag_s, delay_s);
+            most.error = most.error.max(peaks.error);
+            most.forwarded = most.forwarded.max(peaks.forwarded);
+            most.gap = most.gap.max(peaks.gap);
+        }
+    }
+    let gamma = file.first_gamma().map_or(Threshold::None, Threshold::Below);
+    verdict.add("peak over frequency, w to error", most.error, gamma);
+    verdict.add("peak over frequency, truck to truck", most.forwarded, Threshold::Below(1.0));
+    verdict.add("peak over frequency, gap behind a lone brake", most.gap, Threshold::None);
+}
+
+/// The bound that no length of the platoon exceeds: a truck's error is what w does to it directly,
+/// plus what all trucks ahead forward, a geometric series.
+///
+/// q is what a delay may do to the energy of a forwarded signal, 1/sqrt(1 - mu). Truck for truck the
+/// delay may be another.
+#[must_use]
+pub fn string_bound(vehicle: &VehicleProofs, mu: f64) -> Option<f64> {
+    let own = vehicle.disturbance_to_error.gamma;
+    let Some(coupling) = &vehicle.coupling else {
+        return Some(own);
+    };
+    let q = 1.0 / (1.0 - mu).sqrt();
+    let repeated = q * coupling.forwarded_to_forwarded.gamma;
+    let fed = q * coupling.disturbance_to_forwarded.gamma;
+    (repeated < 1.0).then(|| own + coupling.forwarded_to_error.gamma * fed / (1.0 - repeated))
+}
+
+fn string(file: &GainFile, verdict: &mut Verdict) {
+    let Some(vehicle) = &file.vehicle else { return };
+    if let Some(coupling) = &vehicle.coupling {
+        let forwarded = coupling.forwarded_to_forwarded.gamma;
+        verdict.add("string: proven gain truck to truck", forwarded, Threshold::Below(1.0));
+    }
+    for mu in [0.0, 0.5] {
+        let bound = string_bound(vehicle, mu).unwrap_or(f64::INFINITY);
+        let what = format!("string: bound for any number of trucks, rate below {mu}");
+        verdict.add(what, bound, Threshold::Below(f64::INFINITY));
+    }
+}
+
+fn runs(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
+    let Conditions { longest_s, period_s, .. } = *conditions;
+    let courses = [
+        Course::Constant(1.0),
+        Course::Sawtooth { period_s: longest_s },
+        Course::Sawtooth { period_s },
+        Course::BangBang,
+        Course::Wander,
+    ];
+    let leaders = [
+        Leader::Push { length_s: 1.0 },
+        Leader::Push { length_s: 4.0 },
+        Leader::Tone { w_radps: 1.0 },
+        Leader::Tone { w_radps: 3.0 },
+    ];
+    let (mut left, mut first, mut all) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for lag_s in conditions.lags.ends() {
+        for (course, leader) in courses.iter().flat_map(|c| leaders.iter().map(move |l| (c, l))) {
+            let is_random = matches!(course, Course::BangBang | Course::Wander);
+            for seed in 0..if is_random { SEEDS } else { 1 } {
+                let run = Run {
+                    gain: crate::Gain { leader_feedforward: false, ..file.gain },
+                    lags_s: vec![lag_s; SIMULATED],
+                    longest_s,
+                    course: *course,
+                    leader: *leader,
+                    duration_s: RUN_S,
+                    seed: 1000 * (seed + 1),
+                };
+                let outcome = run.simulate();
+                left = left.max(outcome.error_end_m / outcome.error_max_m);
+                first = first.max(outcome.first_gain);
+                all = all.max(outcome.platoon_gain);
+            }
+        }
+    }
+    verdict.add("runs: error left at the end, of its peak", left, Threshold::Below(LEFT_MAX));
+    let bound = |gamma: Option<f64>| {
+        let is_any = file.delay.rate == Rate::Any;
+        gamma.filter(|_| is_any).map_or(Threshold::None, |g| Threshold::Below(g * STEP_ERROR))
+    };
+    verdict.add("runs: energy gain of the first truck", first, bound(file.first_gamma()));
+    let three = file.platoon.iter().find(|p| p.followers == SIMULATED).map(|p| p.proof.gamma);
+    verdict.add("runs: energy gain of three trucks", all, bound(three));
+}
