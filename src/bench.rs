@@ -7,7 +7,6 @@ use std::thread::{self, JoinHandle};
 use bench_sim::rig::{self, Progress, RunEnd, RunOptions, RunReport};
 use bench_sim::{Results, Rig, Scenario};
 use controller_rt::{Config, Ecu, Realtime, Report};
-use law::Calibration;
 use platoon_dbc::{Bus, Clock, Emulated, Loopback};
 use serde::{Deserialize, Serialize};
 use traces::{Overflow, Recorder, Source};
@@ -17,6 +16,7 @@ use crate::calibration;
 use crate::cli::{BenchArgs, BusTimingKind, RunArgs, V2vDelay};
 use crate::clock::{HostClock, wall_ns};
 use crate::failure::Failure;
+use crate::gain::{self, Settled};
 use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
@@ -97,14 +97,17 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     } else {
         BusChoice::for_run(args.bus, &args.place, trucks)?
     };
+    let law = &args.law_options;
+    let settled = (!args.host.is_empty()).then(|| gain::settled(calibration, law, Some(trucks)));
+    let settled = settled.transpose()?;
     let folder = RunFolder::open(&args.out)?;
     let mut hosted = Vec::new();
     let mut ends: Vec<Box<dyn Bus>> = Vec::new();
     for truck in 0..trucks as u8 {
-        if args.host.contains(&truck) {
+        if let Some(settled) = settled.as_ref().filter(|_| args.host.contains(&truck)) {
             let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
             ends.push(timed(Box::new(rig_end), &args.run));
-            hosted.push(host(args, calibration, &folder, truck, ecu_end, &stop)?);
+            hosted.push(host(args, settled, &folder, truck, ecu_end, &stop)?);
         } else {
             ends.push(timed(bus.open_for_rig(truck)?, &args.run));
         }
@@ -179,13 +182,14 @@ pub fn recording_loss(recorder: Recorder) -> Option<String> {
 /// Runs an ECU in a thread of this process, over a loopback bus.
 fn host(
     args: &BenchArgs,
-    calibration: Calibration,
+    settled: &Settled,
     folder: &RunFolder,
     truck: u8,
     end: Loopback,
     stop: &Arc<AtomicBool>,
 ) -> Result<JoinHandle<Report>, Failure> {
-    let controller = calibration::controller(calibration, &args.law_options);
+    let (calibration, gain_id) = (settled.calibration, settled.gain_id);
+    let controller = calibration::controller(calibration, args.law_options.solver);
     let interfaces = vec![end.name().to_owned()];
     let source = Source::Ecu(truck);
     let recorder = process::recorder(folder, source, Overflow::DropNewest, interfaces)?;
@@ -198,6 +202,7 @@ fn host(
         let realtime = Some(process::as_reported(&obtained));
         let config = Config {
             truck,
+            gain_id,
             profile,
             vehicle,
             realtime,

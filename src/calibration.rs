@@ -65,9 +65,9 @@ pub fn asked_for(
     Ok(calibration)
 }
 
-/// The paper's law as asked for, ready for an ECU.
-pub fn controller(calibration: Calibration, options: &LawArgs) -> Box<dyn Controller> {
-    match options.solver {
+/// The law with this calibration, ready for an ECU.
+pub fn controller(calibration: Calibration, solver: SolverKind) -> Box<dyn Controller> {
+    match solver {
         SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
         SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),
     }

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::failure::Failure;
 use crate::fault::Fault;
+use crate::gain::GainArgs;
 use crate::vcan::VcanArgs;
 
 pub use law_options::{LawArgs, SolverKind};
@@ -55,6 +56,8 @@ pub enum Verb {
     Bench(BenchArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
+    /// Design gains of the coordination layer and check what they claim.
+    Gain(GainArgs),
     /// Make this machine ready: virtual CAN interfaces, or a kernel that has CAN.
     Vcan(VcanArgs),
 }
@@ -200,6 +203,10 @@ pub struct ControllerArgs {
     /// Where the bus is.
     #[command(flatten)]
     pub place: BusPlace,
+    /// Trucks in the platoon, by which --ucl synthesised looks its gain up; without it, the gain is
+    /// one for any number.
+    #[arg(long, value_name = "N")]
+    pub trucks: Option<usize>,
     /// How the bus carries messages: fd or j1939, as the rig does.
     #[arg(long, value_name = "fd|j1939", default_value_t = Profile::Fd)]
     pub profile: Profile,

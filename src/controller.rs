@@ -9,6 +9,7 @@ use crate::calibration;
 use crate::cli::ControllerArgs;
 use crate::clock::HostClock;
 use crate::failure::Failure;
+use crate::gain::{self, Settled};
 use crate::process;
 use crate::run_folder::RunFolder;
 
@@ -23,7 +24,9 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
     let calibration = calibration::asked_for(calibration, &args.law_options, args.profile)?;
-    let controller = calibration::controller(calibration, &args.law_options);
+    let Settled { calibration, gain_id, note } =
+        gain::settled(calibration, &args.law_options, args.trucks)?;
+    let controller = calibration::controller(calibration, args.law_options.solver);
     let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
     let folder = RunFolder::open(&args.out)?;
     let source = Source::Ecu(args.truck);
@@ -32,6 +35,9 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let recorder = process::recorder(&folder, source, Overflow::DropNewest, interfaces)?;
     if !args.supervised {
         anstream::eprintln!("ECU {} waits for a mission on {}", args.truck, bus.name());
+        if let Some(note) = &note {
+            anstream::eprintln!("ECU {}: {note}", args.truck);
+        }
     }
 
     let obtained = process::become_realtime(process::ECU_PRIORITY, args.cpu);
@@ -40,6 +46,7 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     }
     let config = Config {
         truck: args.truck,
+        gain_id,
         profile: args.profile,
         vehicle: calibration::vehicle(&calibration),
         realtime: Some(process::as_reported(&obtained)),

@@ -17,6 +17,7 @@ mod clock;
 mod controller;
 mod failure;
 mod fault;
+mod gain;
 mod gateway;
 mod process;
 mod progress;
@@ -46,6 +47,7 @@ pub fn main() -> ExitCode {
         Verb::Rehearse(args) => rehearse::run(&args),
         Verb::Controller(args) => controller::run(&args).map(|()| Verdict::Pass),
         Verb::Bench(args) => bench::run(&args),
+        Verb::Gain(args) => gain::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
     })
 }

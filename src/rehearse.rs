@@ -22,6 +22,7 @@ use crate::bus::BusChoice;
 use crate::calibration;
 use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs, Word};
 use crate::failure::Failure;
+use crate::gain::{self, Settled};
 use crate::gateway::Gateway;
 use crate::process;
 use crate::run_folder::RunFolder;
@@ -34,6 +35,9 @@ struct Plan<'a> {
     args: &'a RehearseArgs,
     scenario: Scenario,
     calibration: Calibration,
+    /// The gain's number in the library, and what is to be said about it.
+    gain_id: u8,
+    gain_note: Option<String>,
     /// Rate of the control loop \[Hz\].
     rate_hz: u32,
 }
@@ -88,8 +92,11 @@ impl<'a> Plan<'a> {
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
         let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
         let calibration = calibration::asked_for(calibration, &args.law_options, args.run.profile)?;
+        let trucks = scenario.platoon.trucks;
+        let settled = gain::settled(calibration, &args.law_options, Some(trucks))?;
+        let Settled { calibration, gain_id, note: gain_note } = settled;
         let rate_hz = args.run.rate_hz()?;
-        let plan = Self { args, scenario, calibration, rate_hz };
+        let plan = Self { args, scenario, calibration, gain_id, gain_note, rate_hz };
         let first = usize::from(!plan.scenario.has_ecu(0));
         let allowed = format!("ECUs drive trucks {first} to {} of it", plan.trucks() - 1);
         let known = |truck: u8| plan.ecus().any(|ecu| ecu == truck);
@@ -157,6 +164,7 @@ impl<'a> Plan<'a> {
         self.write_inputs(folder)?;
         let began = Instant::now();
         let mut outcome = run()?;
+        outcome.notes.extend(self.gain_note.clone());
         let elapsed_s = began.elapsed().as_secs_f64();
         anstream::eprintln!("merging the recordings into {}", folder.trace().display());
         let mut files = Files { report: Some(folder.report().display().to_string()), mcap: None };

@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use super::Word;
 
 /// How the control law is run.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct LawArgs {
     /// Controller in the ECUs; the scenario's own, usually mcf, when left out.
     #[arg(long, value_enum)]
@@ -19,6 +19,12 @@ pub struct LawArgs {
     /// Law of the coordination layer; the scenario's own when left out.
     #[arg(long, value_enum)]
     pub ucl: Option<UclKind>,
+    /// Gain of the coordination layer: a gain file, or a name that `platoon gain list` shows.
+    #[arg(long, value_name = "FILE|NAME")]
+    pub gain: Option<String>,
+    /// Drive even with a gain that is not certified for its lag and its delays.
+    #[arg(long)]
+    pub uncertified: bool,
     /// Let the law drive alone: the guard's emergency layer does not brake.
     #[arg(long)]
     pub no_emergency_braking: bool,
@@ -43,13 +49,18 @@ impl LawArgs {
     pub fn as_arguments(&self) -> Vec<String> {
         let options = [
             Some(("--solver", self.solver.word())),
+            self.gain.as_ref().map(|gain| ("--gain", gain.clone())),
             self.controller.map(|controller| ("--controller", controller.word())),
             self.delay_reading.map(|reading| ("--delay-reading", reading.word())),
             self.ucl.map(|ucl| ("--ucl", ucl.word())),
         ];
         let pairs = options.into_iter().flatten();
-        let alone = self.no_emergency_braking.then(|| "--no-emergency-braking".to_owned());
-        pairs.flat_map(|(flag, word)| [flag.to_owned(), word]).chain(alone).collect()
+        let flags = [
+            self.no_emergency_braking.then_some("--no-emergency-braking"),
+            self.uncertified.then_some("--uncertified"),
+        ];
+        let flags = flags.into_iter().flatten().map(str::to_owned);
+        pairs.flat_map(|(flag, word)| [flag.to_owned(), word]).chain(flags).collect()
     }
 }
 
@@ -117,6 +128,8 @@ pub enum UclKind {
     Published,
     /// The same, with the leader's acceleration fed forward.
     Feedforward,
+    /// A gain of the library, looked up by platoon size, lag and delay bound.
+    Synthesised,
     /// The constant-spacing law of the California PATH platoons.
     CaccPath,
     /// Ploeg's law with a constant time gap.
@@ -130,6 +143,7 @@ impl From<UclKind> for law::CoordinationLaw {
         match kind {
             UclKind::Published => Self::Published,
             UclKind::Feedforward => Self::Feedforward,
+            UclKind::Synthesised => Self::Synthesised,
             UclKind::CaccPath => Self::CaccPath,
             UclKind::Ploeg => Self::Ploeg,
             UclKind::None => Self::None,

@@ -402,6 +402,7 @@ fn ecu_arguments(
 ) -> Vec<String> {
     let mut words = vec!["controller".into(), "--truck".into(), truck.to_string()];
     words.extend(["--law".into(), path_word(&folder.law())]);
+    words.extend(["--trucks".into(), plan.trucks().to_string()]);
     words.extend(common_arguments(plan, folder, bus, cpu));
     words
 }

@@ -209,9 +209,10 @@ impl Bench {
 
 fn ecu(plan: &Plan<'_>, setting: &Setting<'_>, truck: u8, end: Loopback) -> Result<Ecu, Failure> {
     let recorder = setting.recorder(Source::Ecu(truck), vec![end.name().to_owned()])?;
-    let law = calibration::controller(plan.calibration, &plan.args.law_options);
+    let law = calibration::controller(plan.calibration, plan.args.law_options.solver);
     let config = Config {
         truck,
+        gain_id: plan.gain_id,
         profile: setting.profile,
         vehicle: calibration::vehicle(&plan.calibration),
         without_emergency_braking: plan.args.law_options.no_emergency_braking,

@@ -7,7 +7,13 @@ use crate::file::{FileError, GainFile};
 use crate::gain::Lags;
 
 /// The files of `controller-rt/gains`, the published gain first.
-const TEXTS: [&str; 1] = [include_str!("../../gains/published.toml")];
+const TEXTS: [&str; 5] = [
+    include_str!("../../gains/published.toml"),
+    include_str!("../../gains/published-feedforward.toml"),
+    include_str!("../../gains/balanced.toml"),
+    include_str!("../../gains/least-gamma.toml"),
+    include_str!("../../gains/short-lag.toml"),
+];
 
 /// All gains of the library.
 ///
@@ -25,13 +31,13 @@ pub fn named(name: &str) -> Option<(u8, GainFile)> {
 }
 
 /// The gain with the least proven gamma among those for these lags, this delay and so many
-/// followers, the published one aside; with its number in the library.
+/// followers, those with the paper's numbers aside; with its number in the library.
 #[must_use]
 pub fn best_for(followers: usize, lags: &Lags, longest_s: f64) -> Option<(u8, GainFile)> {
     let fits = |file: &GainFile| {
         let is_long_enough =
             file.vehicle.is_some() || file.platoon.iter().any(|p| p.followers >= followers);
-        file.name != "published"
+        !file.name.starts_with("published")
             && file.plant.cover(lags)
             && file.delay.longest_s >= longest_s
             && is_long_enough

@@ -97,6 +97,8 @@ pub enum CoordinationLaw {
     Published,
     /// The same, with the leader's acceleration fed forward.
     Feedforward,
+    /// A gain of ours in the place of the paper's.
+    Synthesised,
     /// The constant-spacing law of the PATH platoons.
     CaccPath,
     /// Ploeg's constant time gap law.
@@ -115,6 +117,8 @@ pub struct UclCalibration {
     pub k1: [f64; 3],
     /// K̄₂ \[1/s², 1/s, 1\] on the predecessor's error state [MCF, Table II].
     pub k2: [f64; 3],
+    /// Lag tau \[s\] that the gain's certificate must be for; the paper does not print it; ours.
+    pub lag_s: f64,
     /// How delayed states are read.
     pub delay_reading: DelayReading,
     /// Longest delay the gain is designed for, h₁ \[s\] [MCF, Table II]; extrapolation stops there.
@@ -243,6 +247,7 @@ impl Default for UclCalibration {
             law: CoordinationLaw::Published,
             k1: [2.156, 3.175, 0.998],
             k2: [0.306, 0.239, 0.065],
+            lag_s: 0.45,
             delay_reading: DelayReading::Eq4,
             delay_bound_s: 0.25,
             lead_time_s: 1.5,
@@ -310,6 +315,7 @@ impl Calibration {
             ("truck.front_stiffness_n_per_rad", truck.front_stiffness_n_per_rad),
             ("truck.rear_stiffness_n_per_rad", truck.rear_stiffness_n_per_rad),
             ("truck.half_width_m", truck.half_width_m),
+            ("ucl.lag_s", ucl.lag_s),
             ("ucl.delay_bound_s", ucl.delay_bound_s),
             ("ucl.lead_time_s", ucl.lead_time_s),
             ("lml.sigma_0", lml.sigma_0),

@@ -101,7 +101,9 @@ pub fn coordinate(
         elapsed_s,
     };
     let u = match cal.law {
-        CoordinationLaw::Published => h_infinity::accel_mps2(cal, &situation),
+        CoordinationLaw::Published | CoordinationLaw::Synthesised => {
+            h_infinity::accel_mps2(cal, &situation)
+        }
         CoordinationLaw::Feedforward => feedforward::accel_mps2(cal, &situation),
         CoordinationLaw::CaccPath => cacc_path::accel_mps2(&situation),
         CoordinationLaw::Ploeg => ploeg::accel_mps2(&situation),

@@ -5,6 +5,8 @@
 //! - [`theorem1`]: its inequality (Eq. 8), for any number of followers.
 //! - [`complementarity`]: the paper's way to a gain (Eq. 12), with the stopping test it leaves out.
 //! - [`convex`]: a better way, without linearised complementarity.
+//! - [`wirtinger`]: a sharper inequality than the paper's, for delays of any rate.
+//! - [`fleet`]: trucks that differ, any number of them.
 //! - [`analysis`]: proofs for a gain that is given; [`prove`] writes them into a file.
 //!
 //! It never runs in an ECU and is never linked into the loop: what it finds is written into a file
@@ -13,10 +15,12 @@
 pub mod analysis;
 pub mod complementarity;
 pub mod convex;
+pub mod fleet;
 pub mod lmi;
 pub mod plant;
 pub mod prove;
 pub mod theorem1;
+pub mod wirtinger;
 
 use certificate::Gain;
 use nalgebra::DMatrix;
