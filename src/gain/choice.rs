@@ -129,8 +129,8 @@ fn admitted(calibration: &Calibration, file: Option<&GainFile>) -> Result<String
     if !covers {
         return Err(format!("{is_for}, not for {asked} (law.ucl.lag_s, law.ucl.delay_bound_s)"));
     }
-    let proofs = certificate::proofs(file, &conditions);
-    match proofs.findings.iter().find(|finding| !finding.is_passed) {
+    let stability = certificate::stability(file, &conditions);
+    match stability.findings.iter().find(|finding| !finding.is_passed) {
         Some(finding) => Err(format!("gain {}: {} does not hold", file.name, finding.what)),
         None => Ok(format!("{is_for} at any rate, certified; the law declares {asked}")),
     }

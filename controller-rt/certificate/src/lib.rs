@@ -29,4 +29,6 @@ pub use file::{CouplingProofs, FileError, GainFile, PlatoonProof, VERSION, Vehic
 pub use form::Channel;
 pub use gain::{DelayBound, Gain, Lags, Rate};
 pub use proof::{Jensen, Wirtinger};
-pub use verdict::{Conditions, Finding, Threshold, Verdict, certify, proofs, string_bound};
+pub use verdict::{
+    Conditions, Finding, Threshold, Verdict, certify, proofs, stability, string_bound,
+};

@@ -2,7 +2,7 @@
 //! 0.11.1 in Python.
 
 use certificate::{DelayBound, Gain, Rate};
-use synthesis::{Platoon, analysis, complementarity, convex};
+use synthesis::{Platoon, analysis, complementarity, convex, fleet, wirtinger};
 
 /// Table II of the paper.
 const PUBLISHED: Gain =
@@ -70,4 +70,72 @@ fn c1_the_published_gain_has_the_gammas_computed_elsewhere() {
         println!("{followers}: {}", proof.gamma);
         assert!((proof.gamma - wanted).abs() < 0.005, "{followers}: {}", proof.gamma);
     }
+}
+
+#[test]
+fn c1_a_common_disturbance_costs_more_and_a_short_lag_has_no_proof() {
+    for (followers, wanted) in [(2, 0.816), (3, 0.985)] {
+        let common = synthesis::Disturbance::Common;
+        let platoon = Platoon { disturbance: common, ..Platoon::alike(followers, LAG_S) };
+        let closed = platoon.closed(&platoon.k(&PUBLISHED));
+        let gamma = analysis::jensen_gamma(&[closed], SLOW).expect("certified");
+        assert!((gamma - wanted).abs() < 0.01, "{followers}: {gamma}");
+    }
+    let short = Platoon::alike(1, 0.1);
+    let closed = short.closed(&short.k(&PUBLISHED));
+    assert!(analysis::jensen(&[closed.clone()], SLOW).is_err());
+    assert!(analysis::wirtinger(&[closed], LONGEST_S).is_err());
+}
+
+/// The longest delay that a proof exists for.
+fn longest_proven(proves: impl Fn(f64) -> bool) -> f64 {
+    let (mut low, mut high) = (0.25, 0.6);
+    while high - low > 1e-3 {
+        let middle = 0.5 * (low + high);
+        if proves(middle) { low = middle } else { high = middle }
+    }
+    low
+}
+
+#[test]
+fn c2_the_longest_delays_are_those_computed_elsewhere() {
+    let platoon = Platoon::alike(1, LAG_S);
+    let closed = [platoon.closed(&platoon.k(&PUBLISHED))];
+    let gamma = analysis::wirtinger_gamma(&closed, LONGEST_S).expect("certified");
+    assert!((gamma - 0.551).abs() < 0.01, "{gamma}");
+    let any = DelayBound::any_rate;
+    let jensen = longest_proven(|h| analysis::jensen(&closed, any(h)).is_ok());
+    let wirtinger = longest_proven(|h| analysis::wirtinger(&closed, h).is_ok());
+    println!("longest delay: Jensen {jensen}, Wirtinger {wirtinger}");
+    assert!((jensen - 0.449).abs() < 0.005, "{jensen}");
+    assert!((wirtinger - 0.467).abs() < 0.005, "{wirtinger}");
+}
+
+#[test]
+fn wirtinger_designs_beat_jensens_for_delays_of_any_rate() {
+    let platoon = [Platoon::alike(1, LAG_S)];
+    let wirtinger = wirtinger::search(&platoon, LONGEST_S).expect("feasible");
+    let tangent = convex::search(&platoon, DelayBound::any_rate(LONGEST_S)).expect("feasible");
+    let closed = [platoon[0].closed(&tangent.k)];
+    let jensen = analysis::wirtinger_gamma(&closed, LONGEST_S).expect("certified");
+    println!("Wirtinger design {} {:?}, Jensen design {jensen}", wirtinger.gamma, wirtinger.k);
+    assert!(wirtinger.gamma < jensen, "{} {jensen}", wirtinger.gamma);
+}
+
+#[test]
+fn a_design_for_a_range_of_lags_is_proven_over_all_of_it() {
+    let corners = [Platoon::alike(1, 0.15), Platoon::alike(1, 0.27)];
+    let delay = DelayBound::any_rate(LONGEST_S);
+    let design = convex::refined(&corners, delay, &mut |_, _| ()).expect("feasible");
+    let middle = Platoon::alike(1, 0.2);
+    let inside = analysis::jensen_gamma(&[middle.closed(&design.k)], delay).expect("certified");
+    assert!(inside <= design.gamma * 1.0001, "{inside} {}", design.gamma);
+}
+
+#[test]
+fn ten_trucks_that_differ_have_a_gain_and_a_proof_each() {
+    let lags_s: Vec<f64> = (0..10).map(|i| 0.3 + 0.03 * f64::from(i)).collect();
+    let trucks = fleet::design(&lags_s, LONGEST_S, &mut |_| ()).expect("feasible");
+    assert_eq!(trucks.len(), lags_s.len());
+    assert!(fleet::bound(&trucks) < 0.5, "{}", fleet::bound(&trucks));
 }
