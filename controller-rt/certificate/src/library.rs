@@ -7,9 +7,10 @@ use crate::file::{FileError, GainFile};
 use crate::gain::Lags;
 
 /// The files of `controller-rt/gains`, the published gain first.
-const TEXTS: [&str; 5] = [
+const TEXTS: [&str; 6] = [
     include_str!("../../gains/published.toml"),
     include_str!("../../gains/published-feedforward.toml"),
+    include_str!("../../gains/all-round.toml"),
     include_str!("../../gains/balanced.toml"),
     include_str!("../../gains/least-gamma.toml"),
     include_str!("../../gains/short-lag.toml"),
