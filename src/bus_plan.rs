@@ -53,8 +53,8 @@ pub struct BusFit {
 }
 
 impl BusPlan {
-    /// The traffic of a scenario, carried as a profile says, at a loop rate; `announces` when trucks
-    /// tell each other their plans.
+    /// The traffic of a scenario, carried as a profile says, at a loop rate; `announces` when
+    /// trucks tell each other their plans.
     pub fn of(scenario: &Scenario, profile: Profile, rate_hz: u32, announces: bool) -> Self {
         let is_plan = |id| [V2vTrajectory::ID, V2vTrajectoryOut::ID].contains(&id);
         let carried = profile.messages().iter().filter(|m| announces || !is_plan(m.id));

@@ -58,8 +58,8 @@ pub fn asked_for(
     let calibration = options.applied_to(calibration);
     if calibration.structure.announces() && profile == Profile::J1939 {
         return Err(Failure::usage(
-            "--controller dmpc-pf and dmpc-plf announce trajectories of 57 bytes, which the profile \
-             j1939 does not carry; use --profile fd, or another --controller",
+            "--controller dmpc-pf and dmpc-plf announce trajectories of 57 bytes, which the \
+             profile j1939 does not carry; use --profile fd, or another --controller",
         ));
     }
     Ok(calibration)

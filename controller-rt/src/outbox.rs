@@ -215,7 +215,7 @@ mod tests {
     fn an_announced_plan_reaches_the_listener_within_millimetres() {
         let (mut rig, mut ecu) = Loopback::pair("loopback0", 4);
         let mut outbox = outbox();
-        // Accelerating as hard as a truck can, then steady: its true positions, not the trapezoid's.
+        // As hard as a truck can, then steady: its true positions, not the trapezoid's.
         let mut plan = Plan::steady(7 * MS, 1234.567_89, 15.0);
         for k in 1..plan.x_m.len() {
             let t = 0.1 * k as f64;

@@ -210,10 +210,10 @@ fn plan(
 
 /// Where the horizon has to end.
 ///
-/// The mean of the slots, at their mean speed [Zheng]. A truck further from its slot than a constant
-/// deceleration over the horizon covers cannot be there in time: it is only asked to end its plan
-/// faster or slower than its neighbours by the speed of approach. Without neighbours the speed
-/// changes towards the set speed by as much.
+/// The mean of the slots, at their mean speed [Zheng]. A truck further from its slot than a
+/// constant deceleration over the horizon covers cannot be there in time: it is only asked to end
+/// its plan faster or slower than its neighbours by the speed of approach. Without neighbours the
+/// speed changes towards the set speed by as much.
 fn aim(cal: &Calibration, slots: &Slots, seen: &Observation) -> Terminal {
     let approach_mps = cal.dmpc.approach_mps;
     let own_mps = seen.ego.road_speed_mps();

@@ -4,8 +4,8 @@
 //! Heterogeneous Vehicle Platoons Under Unidirectional Topologies*, IEEE Trans. Control Systems
 //! Technology 25(3), 2017. Masses of the seven cars, and how everything else follows from them, are
 //! from the authors' program (soc-ucsd/DMPC_for_platoons: `PlatoonParameter.mat`,
-//! `Parameter_Initial.m`, `Platoon_PF.m`, `Platoon_PFL.m`). As there, cars advance by forward Euler,
-//! the leader by backward Euler, and everybody the leader tells its plan to knows its future.
+//! `Parameter_Initial.m`, `Platoon_PF.m`, `Platoon_PFL.m`). As there, cars advance by forward
+//! Euler, the leader by backward Euler, and whoever listens to the leader knows its future.
 
 use law::dmpc::{Discretisation, DmpcCalibration, Drive, POINTS, Plan, STEP_NS, STEP_S, State};
 use law::qp::ActiveSet;

@@ -10,8 +10,8 @@
 //! with y = (position, speed). The model is nonlinear in its drag alone, so the problem is
 //! linearised once about the last plan's inputs (the real-time iteration of Diehl, Bock & Schlöder,
 //! SIAM J. Control Optim. 43(5), 2005); on the paper's platoon converged solutions change no
-//! spacing error by more than 0.1 mm. The equality at the end is a quadratic penalty, stiff enough to
-//! hold within a millimetre where it can be met, so that there is a command where it cannot.
+//! spacing error by more than 0.1 mm. The equality at the end is a quadratic penalty, stiff enough
+//! to hold within a millimetre where it can be met, so that there is a command where it cannot.
 
 use nalgebra::{SMatrix, SVector};
 
