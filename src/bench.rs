@@ -207,7 +207,6 @@ fn host(
             vehicle,
             realtime,
             without_emergency_braking,
-            ..Config::default()
         };
         let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
         controller_rt::run(ecu, &HostClock::default(), &stop)

@@ -51,7 +51,6 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
         vehicle: calibration::vehicle(&calibration),
         realtime: Some(process::as_reported(&obtained)),
         without_emergency_braking: args.law_options.no_emergency_braking,
-        ..Config::default()
     };
     let ecu = Ecu::new(config, bus, controller, Some(recorder));
     let report = controller_rt::run(ecu, &HostClock::default(), &stop);

@@ -216,7 +216,7 @@ mod tests {
         let (mut rig, mut ecu) = Loopback::pair("loopback0", 4);
         let mut outbox = outbox();
         // As hard as a truck can, then steady: its true positions, not the trapezoid's.
-        let mut plan = Plan::steady(7 * MS, 1234.567_89, 15.0);
+        let mut plan = Plan::steady(7 * MS, 1_234.567_89, 15.0);
         for k in 1..plan.x_m.len() {
             let t = 0.1 * k as f64;
             let (grows_s, rest_s) = (t.min(1.3), (t - 1.3).max(0.0));
