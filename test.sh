@@ -16,7 +16,7 @@ Runs every step, or only those named, and ends with a summary. Exit status 1 whe
   doc         rustdoc, warnings are errors
   test        cargo test --workspace
   interop     our formats against cantools, python-can and the Python MCAP readers; the plant
-              against CommonRoad's vehicle models
+              against CommonRoad's vehicle models; the library of gains against cvxpy
   rehearse    the release build, the default scenario in virtual time, its trace read by Python
   kernel      platoon vcan shell: a command in the kernel it boots, user-mode Linux
   socketcan   the tests that need a kernel with CAN, with can-utils beside whole rehearsals: in a
@@ -258,6 +258,7 @@ step_interop() {
     "$(example_path traces sample_run)" "$scratch/sample"
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
     python tests/interop/commonroad_plant.py "$(example_path bench-sim plant_trajectories)"
+    python tests/interop/cvxpy_gains.py controller-rt/gains
 }
 
 # The default scenario as users get it must pass; a few seconds of it are read by stock readers.

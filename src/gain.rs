@@ -3,6 +3,8 @@
 mod certify;
 mod choice;
 mod conditions;
+mod fleet;
+mod scan;
 mod synthesise;
 
 use clap::{Args, Subcommand};
@@ -15,6 +17,8 @@ use crate::summary::Verdict;
 pub use choice::{Settled, settled};
 
 use certify::CertifyArgs;
+use fleet::FleetArgs;
+use scan::ScanArgs;
 use synthesise::SynthesiseArgs;
 
 /// Options of `gain`.
@@ -32,6 +36,10 @@ enum GainVerb {
     Synthesise(SynthesiseArgs),
     /// Check a gain file without any of the code that made it; exit status 1 when it is refused.
     Certify(CertifyArgs),
+    /// Design a gain and a proof for each of many trucks that differ.
+    Fleet(FleetArgs),
+    /// Scan all gains on a grid: which of them beat the published one, and what that costs.
+    Scan(ScanArgs),
     /// List the gains that come with the program.
     List,
 }
@@ -44,6 +52,8 @@ pub fn run(args: &GainArgs) -> Result<Verdict, Failure> {
     match &args.verb {
         GainVerb::Synthesise(args) => synthesise::run(args),
         GainVerb::Certify(args) => certify::run(args),
+        GainVerb::Fleet(args) => fleet::run(args).map(|()| Verdict::Pass),
+        GainVerb::Scan(args) => scan::run(args).map(|()| Verdict::Pass),
         GainVerb::List => list().map(|()| Verdict::Pass),
     }
 }

@@ -70,7 +70,8 @@ pub fn page(file: &GainFile, conditions: &Conditions, certified: &Certified) -> 
         column.set_cell_alignment(CellAlignment::Right);
     }
     let mut page = format!(
-        "gain {}: K1 {:?}, K2 {:?}\nlag {} s, delays up to {} s, messages every {} s\n\n{table}\n\n",
+        "gain {}: K1 {:?}, K2 {:?}\n\
+         lag {} s, delays up to {} s, messages every {} s\n\n{table}\n\n",
         file.name,
         file.gain.k1,
         file.gain.k2,

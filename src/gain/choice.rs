@@ -26,8 +26,8 @@ pub struct Settled {
     pub note: Option<String>,
 }
 
-/// The calibration with its gain: named by the options, or looked up by the number of trucks, the lag
-/// and the delay bound, and admitted if it is certified for both.
+/// The calibration with its gain: named by the options, or looked up by the number of trucks, the
+/// lag and the delay bound, and admitted if it is certified for both.
 ///
 /// # Errors
 /// When there is no such gain, none fits, or it is not certified and nobody allowed that.

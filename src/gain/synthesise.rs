@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use certificate::{Conditions, DelayBound, Gain, GainFile, Lags, Rate};
 use clap::{Args, ValueEnum};
 use synthesis::prove::{self, Claim};
-use synthesis::{Design, Disturbance, Platoon, Undesigned, complementarity, convex};
+use synthesis::{Design, Disturbance, Platoon, Undesigned, complementarity, convex, wirtinger};
 
 use crate::failure::Failure;
 use crate::summary::Verdict;
@@ -46,7 +46,8 @@ pub struct SynthesiseArgs {
     #[arg(long, value_name = "GAMMA", value_parser = parse_seconds)]
     gamma: Option<f64>,
     /// Followers that are designed together.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=4))]
+    #[arg(long, value_name = "N", default_value_t = 1,
+          value_parser = clap::value_parser!(u8).range(1..=4))]
     followers: u8,
     /// Let all followers have the leader's disturbance instead of one each.
     #[arg(long)]
@@ -65,7 +66,8 @@ pub struct SynthesiseArgs {
     #[arg(long)]
     feedforward: bool,
     /// Platoons of up to so many followers get a proof of their own.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=5))]
+    #[arg(long, value_name = "N", default_value_t = 3,
+          value_parser = clap::value_parser!(u8).range(0..=5))]
     prove: u8,
     /// Where to write the gain file; printed when left out.
     #[arg(long, value_name = "FILE")]
@@ -79,6 +81,8 @@ enum Method {
     Convex,
     /// The paper's cone complementarity linearisation.
     Complementarity,
+    /// Wirtinger's inequality instead of Jensen's, for delays of any rate; one follower.
+    Wirtinger,
 }
 
 /// Designs, proves, checks, writes.
@@ -152,6 +156,7 @@ fn designed(args: &SynthesiseArgs) -> Result<Design, Undesigned> {
         Method::Convex => convex::refined(&corners, delay, &mut |step, gamma| {
             anstream::eprintln!("refinement {step}: gamma {gamma:.4}");
         }),
+        Method::Wirtinger => wirtinger::search(&args.corners()[..], args.delay_s),
         Method::Complementarity => {
             let say = &mut |step| anstream::eprintln!("linearisation {step}");
             match args.gamma {
@@ -167,6 +172,7 @@ impl Method {
         match self {
             Self::Convex => "convex bound of Theorem 1, refined",
             Self::Complementarity => "Theorem 1 by cone complementarity",
+            Self::Wirtinger => "Wirtinger's inequality with a descriptor",
         }
     }
 }
