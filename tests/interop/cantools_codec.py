@@ -125,11 +125,25 @@ def check_encoding(binary, cases):
     return frames
 
 
-def field_name(signal, page):
-    """Our field for a signal: PositionX_3 of page 3 is position_x_m."""
-    base = signal.name.removesuffix(f"_{page}") if signal.multiplexer_ids else signal.name
+def field_name(signal):
+    """Our field for a signal: PositionX_3 of page 3 is position_x_m, Speed_3 on no page is
+    member 3 of the array speed_mps."""
+    base, _, number = signal.name.partition("_")
     snake = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", base).lower()
-    return snake + SUFFIXES[signal.unit]
+    member = f"[{number}]" if number and not signal.multiplexer_ids else ""
+    return snake + SUFFIXES[signal.unit] + member
+
+
+def struct_fields(text):
+    """Fields of a struct as Rust prints it, members of arrays one by one."""
+    array = re.compile(r"(\w+): \[([^]]*)\]")
+    fields = {
+        f"{name}[{index}]": value
+        for name, values in array.findall(text)
+        for index, value in enumerate(values.split(", "))
+    }
+    fields |= re.findall(r"(\w+): (Value\([^)]*\)|[^ ,}]+)", array.sub("", text))
+    return fields
 
 
 def field_text(signal, raw, value):
@@ -159,10 +173,9 @@ def check_frame(message, data, answer):
     ours = dict(value.split("=") for value in values)
     theirs = message.decode(data, decode_choices=False)
     raws = message.decode(data, decode_choices=False, scaling=False)
-    page = next((raws[s.name] for s in message.signals if s.is_multiplexer), None)
     if name != message.name or set(ours) != set(theirs):
         return f"ours {answer}"
-    fields = dict(re.findall(r"(\w+): (Value\([^)]*\)|[^ ,}]+)", fields))
+    fields = struct_fields(fields)
     for signal in (s for s in message.signals if s.name in theirs):
         value, raw = theirs[signal.name], raws[signal.name]
         expected = meaning(signal, raw)
@@ -173,7 +186,7 @@ def check_frame(message, data, answer):
         if signal.is_multiplexer:
             field = signal.name.removeprefix(message.name).lower()
         else:
-            field = field_name(signal, page)
+            field = field_name(signal)
         if not same(fields.pop(field, "missing"), field_text(signal, raw, value)):
             return f"field {field} of {answer}, cantools {value}"
     return f"fields {fields} of no signal" if fields else None
