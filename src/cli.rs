@@ -1,5 +1,6 @@
 //! The command line: what can be asked, in the words users type.
 
+mod compare_options;
 mod law_options;
 mod values;
 
@@ -16,7 +17,8 @@ use crate::fault::Fault;
 use crate::gain::GainArgs;
 use crate::vcan::VcanArgs;
 
-pub use law_options::{LawArgs, SolverKind};
+pub use compare_options::{CompareArgs, Part};
+pub use law_options::{ControllerKind, LawArgs, SolverKind};
 pub use values::{EcuChoice, V2vDelay};
 
 use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
@@ -58,6 +60,8 @@ pub enum Verb {
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.
     Gain(GainArgs),
+    /// Hold the paper's claims, tables and figures against our own runs.
+    Compare(CompareArgs),
     /// Make this machine ready: virtual CAN interfaces, or a kernel that has CAN.
     Vcan(VcanArgs),
 }

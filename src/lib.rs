@@ -12,8 +12,10 @@ mod bench;
 mod bus;
 pub mod bus_plan;
 mod calibration;
+mod campaign;
 mod cli;
 mod clock;
+mod compare;
 mod controller;
 mod failure;
 mod fault;
@@ -49,6 +51,7 @@ pub fn main() -> ExitCode {
         Verb::Bench(args) => bench::run(&args),
         Verb::Gain(args) => gain::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
+        Verb::Compare(args) => compare::run(&args),
     })
 }
 

@@ -89,6 +89,24 @@ pub fn rig_name() -> String {
     Source::Rig.to_string()
 }
 
+/// A file that is written at the end of a long run must have a place from its start.
+///
+/// # Errors
+/// When it has none.
+pub fn check_parent(option: &str, path: &Path) -> Result<(), Failure> {
+    let parent = match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
+    };
+    if parent.is_dir() && !path.is_dir() {
+        return Ok(());
+    }
+    Err(Failure::usage(format!(
+        "{option} {}: cannot be written; name a file in a folder that exists",
+        path.display()
+    )))
+}
+
 /// Writes a value as JSON, appearing whole or not at all.
 ///
 /// # Errors

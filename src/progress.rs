@@ -28,6 +28,17 @@ impl ProgressLine {
         Self { bar }
     }
 
+    /// A line for many runs, which knows its length in shares of the whole.
+    pub fn counting() -> Self {
+        Self::new(1.0)
+    }
+
+    /// Shows the share that is done.
+    pub fn show_share(&self, share: f64, what: &str) {
+        self.bar.set_position((share * STEPS_PER_S) as u64);
+        self.bar.set_message(what.to_owned());
+    }
+
     /// Says what is going on before bench time runs.
     pub fn say(&self, what: &str) {
         self.bar.set_message(what.to_owned());

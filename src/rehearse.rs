@@ -3,11 +3,10 @@
 mod profile_cost;
 mod real_time;
 mod trace;
-mod virtual_time;
+pub(crate) mod virtual_time;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
 use std::time::Instant;
 
 use bench_sim::rig::RunReport;
@@ -29,6 +28,7 @@ use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
 
 pub use profile_cost::{ProfileCost, TruckCost};
+use virtual_time::Experiment;
 
 /// A rehearsal that is ready to run: everything is checked, nothing is written yet.
 struct Plan<'a> {
@@ -87,7 +87,7 @@ impl<'a> Plan<'a> {
             ));
         }
         if let Some(path) = &args.json {
-            check_parent("--json", path)?;
+            process::check_parent("--json", path)?;
         }
         let scenario = load_scenario(&args.scenario, &args.run, args.v2v_delay)?;
         let calibration = calibration::from_table(&scenario.name, &scenario.law)?;
@@ -112,6 +112,19 @@ impl<'a> Plan<'a> {
                 Err(Failure::usage(format!("--fault truck={truck}: scenario {name}: {allowed}")))
             }
             None => Ok(plan),
+        }
+    }
+
+    /// What is run, without how it is timed and recorded.
+    fn experiment(&self) -> Experiment<'_> {
+        Experiment {
+            scenario: &self.scenario,
+            calibration: self.calibration,
+            gain_id: self.gain_id,
+            solver: self.args.law_options.solver,
+            rate_hz: self.rate_hz,
+            seed: self.args.run.seed,
+            without_emergency_braking: self.args.law_options.no_emergency_braking,
         }
     }
 
@@ -237,21 +250,6 @@ impl<'a> Plan<'a> {
             None => Ok(()),
         }
     }
-}
-
-/// A file that is written at the end of a long run must have a place from its start.
-fn check_parent(option: &str, path: &Path) -> Result<(), Failure> {
-    let parent = match path.parent() {
-        Some(parent) if parent != Path::new("") => parent,
-        _ => Path::new("."),
-    };
-    if parent.is_dir() && !path.is_dir() {
-        return Ok(());
-    }
-    Err(Failure::usage(format!(
-        "{option} {}: cannot be written; name a file in a folder that exists",
-        path.display()
-    )))
 }
 
 /// The machine, in words.

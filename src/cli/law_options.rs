@@ -65,7 +65,7 @@ impl LawArgs {
 }
 
 /// Controllers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
 pub enum ControllerKind {
     /// The paper's motion control framework: H-infinity coordination over potential-field MPC.
     Mcf,

@@ -7,14 +7,16 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use bench_sim::{Results, Rig};
-use controller_rt::{Config, Ecu, Slot};
+use bench_sim::{Results, Rig, Scenario};
+use controller_rt::{Config, Controller, Ecu, Report, Slot};
+use law::Calibration;
 use platoon_dbc::{Bus, Clock, EcuMode, Emulated, Loopback, Profile};
 use traces::{Overflow, Recorder, Source, TruthRecord};
 
 use super::{Outcome, Plan};
 use crate::bench::{LOOPBACK_FRAMES, recording_loss};
 use crate::calibration;
+use crate::cli::SolverKind;
 use crate::clock::HostClock;
 use crate::failure::Failure;
 use crate::fault::{Fault, FaultKind};
@@ -30,9 +32,11 @@ const TICKS_PER_LOOK: u32 = 64;
 /// # Errors
 /// When the run cannot start.
 pub(super) fn run(plan: &Plan<'_>, folder: &RunFolder) -> Result<Outcome, Failure> {
-    let mut bench = Bench::assemble(plan, &Setting::of(plan, folder))?;
+    let mut bench =
+        Bench::assemble(&plan.experiment(), Setting::of(plan, folder), process::stop_flag()?)?;
     bench.begin()?;
-    let interrupted = bench.alternate(plan, &plan.args.fault, &mut |_| ());
+    let line = ProgressLine::new(plan.scenario.duration_s);
+    let interrupted = bench.alternate(Some(&line), &plan.args.fault, &mut |_| ());
     let mut outcome = bench.end();
     outcome.interrupted = interrupted;
     outcome.notes.extend(interrupted.then(|| "interrupted".to_owned()));
@@ -53,26 +57,82 @@ pub(super) struct Twin {
 /// # Errors
 /// When the run cannot start.
 pub(super) fn twin(plan: &Plan<'_>) -> Result<Twin, Failure> {
-    let setting = Setting { folder: None, profile: Profile::Fd, is_emulated: false };
-    let mut bench = Bench::assemble(plan, &setting)?;
-    bench.begin()?;
+    let line = ProgressLine::new(plan.scenario.duration_s);
     let mut truth = Vec::new();
-    bench.alternate(plan, &[], &mut |rig| truth.push(rig.truth()));
-    Ok(Twin { results: bench.rig.results(), truth })
+    let stop = process::stop_flag()?;
+    let mut watch = |rig: &Rig| truth.push(rig.truth());
+    let ended = observe(&plan.experiment(), stop, Some(&line), Box::new(as_it_is), &mut watch)?;
+    Ok(Twin { results: ended.results, truth })
 }
 
-/// In what a run may differ from the plan.
+/// What is run: trucks and traffic, their law, and how fast its loop is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Experiment<'a> {
+    /// The scenario.
+    pub(crate) scenario: &'a Scenario,
+    /// The law's numbers, every override applied.
+    pub(crate) calibration: Calibration,
+    /// The gain among them, by its place in the library; 0 when it is from none.
+    pub(crate) gain_id: u8,
+    /// Who solves its QPs.
+    pub(crate) solver: SolverKind,
+    /// Rate of the control loop \[Hz\].
+    pub(crate) rate_hz: u32,
+    /// Seed of everything random.
+    pub(crate) seed: u64,
+    /// Whether the guards' emergency layer is off.
+    pub(crate) without_emergency_braking: bool,
+}
+
+/// The end of a run that was only watched.
+pub(crate) struct Observed {
+    /// What the rig saw.
+    pub(crate) results: Results,
+    /// What each ECU reports.
+    pub(crate) ecus: Vec<Report>,
+}
+
+/// What is put between an ECU and its control law; it is told which truck that ECU drives.
+pub(crate) type Wrap<'a> = Box<dyn Fn(u8, Box<dyn Controller>) -> Box<dyn Controller> + 'a>;
+
+/// The control law without anything around it.
+pub(crate) fn as_it_is(_truck: u8, law: Box<dyn Controller>) -> Box<dyn Controller> {
+    law
+}
+
+/// Runs an experiment on CAN FD with ideal buses, without recording; `watch` sees the rig at the
+/// start of every tick. It ends early when `stop` is set.
+///
+/// # Errors
+/// When the run cannot start.
+pub(crate) fn observe(
+    experiment: &Experiment<'_>,
+    stop: Arc<AtomicBool>,
+    line: Option<&ProgressLine>,
+    wrap: Wrap<'_>,
+    watch: &mut dyn FnMut(&Rig),
+) -> Result<Observed, Failure> {
+    let setting = Setting { folder: None, profile: Profile::Fd, is_emulated: false, wrap };
+    let mut bench = Bench::assemble(experiment, setting, stop)?;
+    bench.begin()?;
+    bench.alternate(line, &[], watch);
+    let Outcome { results, ecus, .. } = bench.end();
+    Ok(Observed { results: results.unwrap_or_default(), ecus })
+}
+
+/// Everything about a run that is not the experiment itself.
 struct Setting<'a> {
     /// Where to record, if anywhere.
     folder: Option<&'a RunFolder>,
     profile: Profile,
     is_emulated: bool,
+    wrap: Wrap<'a>,
 }
 
 impl<'a> Setting<'a> {
     fn of(plan: &Plan<'_>, folder: &'a RunFolder) -> Self {
         let (profile, is_emulated) = (plan.args.run.profile, plan.is_emulated());
-        Self { folder: Some(folder), profile, is_emulated }
+        Self { folder: Some(folder), profile, is_emulated, wrap: Box::new(as_it_is) }
     }
 
     fn recorder(&self, source: Source, buses: Vec<String>) -> Result<Option<Recorder>, Failure> {
@@ -92,26 +152,31 @@ struct Bench {
 }
 
 impl Bench {
-    fn assemble(plan: &Plan<'_>, setting: &Setting<'_>) -> Result<Self, Failure> {
+    fn assemble(
+        experiment: &Experiment<'_>,
+        setting: Setting<'_>,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, Failure> {
+        let scenario = experiment.scenario;
         let mut ends: Vec<Box<dyn Bus>> = Vec::new();
         let mut ecus = Vec::new();
-        for truck in 0..plan.trucks() as u8 {
+        for truck in 0..scenario.platoon.trucks as u8 {
             let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
             ends.push(if setting.is_emulated {
                 Box::new(Emulated::new(rig_end, setting.profile.timing()).stamping_bench_time())
             } else {
                 Box::new(rig_end)
             });
-            let is_driven = plan.scenario.has_ecu(usize::from(truck));
-            ecus.push(is_driven.then(|| ecu(plan, setting, truck, ecu_end)).transpose()?);
+            let is_driven = scenario.has_ecu(usize::from(truck));
+            ecus.push(is_driven.then(|| ecu(experiment, &setting, truck, ecu_end)).transpose()?);
         }
         let names = process::bus_names(&ends);
         let recorder = setting.recorder(Source::Rig, names)?;
-        let rig = Rig::new(&plan.scenario, plan.args.run.seed, plan.rate_hz, ends, recorder)
+        let rig = Rig::new(scenario, experiment.seed, experiment.rate_hz, ends, recorder)
             .map_err(Failure::usage)?
             .speaking(setting.profile);
-        let (clock, stop) = (HostClock::default(), process::stop_flag()?);
-        Ok(Self { rig, ecus, is_emulated: setting.is_emulated, clock, stop })
+        let is_emulated = setting.is_emulated;
+        Ok(Self { rig, ecus, is_emulated, clock: HostClock::default(), stop })
     }
 
     /// Invitation, answers, and the first state.
@@ -136,22 +201,25 @@ impl Bench {
     /// rig at the start of every tick.
     fn alternate(
         &mut self,
-        plan: &Plan<'_>,
+        line: Option<&ProgressLine>,
         faults: &[Fault],
         watch: &mut dyn FnMut(&Rig),
     ) -> bool {
-        let line = ProgressLine::new(plan.scenario.duration_s);
         let mut interrupted = false;
         while !self.rig.finished() && !interrupted {
             watch(&self.rig);
             let (tick, time_s) = (self.rig.tick(), self.rig.time_ns() as f64 * 1e-9);
             self.one_tick(faults, time_s);
             if tick.is_multiple_of(TICKS_PER_LOOK) {
-                line.show(time_s, plan.scenario.duration_s);
+                if let Some(line) = line {
+                    line.show(time_s, self.rig.scenario().duration_s);
+                }
                 interrupted = self.stop.load(Ordering::Relaxed);
             }
         }
-        line.clear();
+        if let Some(line) = line {
+            line.clear();
+        }
         interrupted
     }
 
@@ -207,18 +275,23 @@ impl Bench {
     }
 }
 
-fn ecu(plan: &Plan<'_>, setting: &Setting<'_>, truck: u8, end: Loopback) -> Result<Ecu, Failure> {
+fn ecu(
+    experiment: &Experiment<'_>,
+    setting: &Setting<'_>,
+    truck: u8,
+    end: Loopback,
+) -> Result<Ecu, Failure> {
     let recorder = setting.recorder(Source::Ecu(truck), vec![end.name().to_owned()])?;
-    let law = calibration::controller(plan.calibration, plan.args.law_options.solver);
+    let law = calibration::controller(experiment.calibration, experiment.solver);
     let config = Config {
         truck,
-        gain_id: plan.gain_id,
+        gain_id: experiment.gain_id,
         profile: setting.profile,
-        vehicle: calibration::vehicle(&plan.calibration),
-        without_emergency_braking: plan.args.law_options.no_emergency_braking,
+        vehicle: calibration::vehicle(&experiment.calibration),
+        without_emergency_braking: experiment.without_emergency_braking,
         ..Config::default()
     };
-    Ok(Ecu::new(config, Box::new(end), law, recorder))
+    Ok(Ecu::new(config, Box::new(end), (setting.wrap)(truck, law), recorder))
 }
 
 /// An ECU that has not heard of the run yet keeps waiting for it.

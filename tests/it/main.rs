@@ -3,6 +3,7 @@
 mod architecture;
 mod bench;
 mod bus_timing;
+mod compare;
 mod determinism;
 mod distributed_mpc;
 mod faults;

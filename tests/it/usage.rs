@@ -202,12 +202,13 @@ fn scenarios_are_listed_and_printed_as_they_can_be_run() {
 
 #[test]
 fn every_verb_explains_itself() {
-    let verbs: [(&[&str], &str); 6] = [
+    let verbs: [(&[&str], &str); 7] = [
         (&["--help"], "rehearse"),
         (&["rehearse", "--help"], "--virtual-time"),
         (&["controller", "--help"], "--truck"),
         (&["bench", "--help"], "--host"),
         (&["scenarios", "--help"], "Usage"),
+        (&["compare", "--help"], "--seeds"),
         (&["--version"], env!("CARGO_PKG_VERSION")),
     ];
     for (arguments, word) in verbs {
