@@ -18,7 +18,7 @@ pub const START_DELAYS_S: [u8; 5] = [0, 3, 7, 13, 29];
 pub const MANOEUVRE_S: f64 = 12.0;
 /// Weight of the slot in the single-structure MPC that does best with extrapolated states: the
 /// result of `platoon compare --tune`, seeds 1 to 20.
-pub const TUNED_POSITION_WEIGHT: f64 = 640.0;
+pub const TUNED_POSITION_WEIGHT: f64 = 1280.0;
 
 /// What happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -99,6 +99,42 @@ impl Contender {
     /// The baseline on extrapolated states.
     pub const COMPENSATED: Self =
         Self { kind: ControllerKind::SingleMpc, tuning: Tuning::Compensated };
+
+    /// Every controller there is, the baseline three times.
+    pub fn all() -> Vec<Self> {
+        let mut all = Vec::new();
+        for &kind in ControllerKind::value_variants() {
+            let tunings = match kind {
+                ControllerKind::SingleMpc => {
+                    &[Tuning::Plain, Tuning::Compensated, Tuning::Tuned][..]
+                }
+                _ => &[Tuning::Plain],
+            };
+            all.extend(tunings.iter().map(|&tuning| Self { kind, tuning }));
+        }
+        all
+    }
+
+    /// What to call it in a table.
+    pub fn name(self) -> String {
+        match self.tuning {
+            Tuning::Plain if self.kind == ControllerKind::SingleMpc => "single-mpc, raw".into(),
+            Tuning::Plain => self.kind.word(),
+            Tuning::Compensated => "single-mpc, compensated".into(),
+            Tuning::Tuned => "single-mpc, tuned".into(),
+        }
+    }
+
+    /// What it says about the law's numbers.
+    fn sets(self) -> Vec<(&'static str, String)> {
+        let compensated = ("law.single_mpc.compensated", "true".to_owned());
+        let weight = ("law.single_mpc.position_weight", format!("{TUNED_POSITION_WEIGHT:?}"));
+        match self.tuning {
+            Tuning::Plain => Vec::new(),
+            Tuning::Compensated => vec![compensated],
+            Tuning::Tuned => vec![compensated, weight],
+        }
+    }
 }
 
 impl Situation {
@@ -153,7 +189,7 @@ impl Situation {
     /// How closely its trucks must be followed.
     fn sampling(self) -> Sampling {
         match self {
-            Self::Merging => Sampling::every_ms(100),
+            Self::Merging => Sampling::every_ms(20),
             Self::Avoidance(0) | Self::Avoidance(PLACEMENT_OF_THE_TEXT_M) => {
                 Sampling::every_ms(100)
             }

@@ -66,8 +66,8 @@ impl Design {
     }
 
     /// Seeds where there are many arms.
-    fn quarter(&self) -> usize {
-        self.seeds.div_ceil(4)
+    fn tenth(&self) -> usize {
+        self.seeds.div_ceil(10)
     }
 
     fn add(&self, arms: &mut BTreeMap<Arm, usize>, arm: Arm, seeds: usize) {
@@ -97,7 +97,7 @@ impl Design {
             Situation::PlatooningZ,
             Situation::PlatooningO,
         ] {
-            self.mcf(arms, situation, self.quarter());
+            self.mcf(arms, situation, self.tenth());
         }
     }
 
@@ -129,13 +129,13 @@ impl Design {
             let usual = self.arm(Situation::Avoidance(0), Contender::MCF, plant);
             self.add(arms, usual, self.seeds);
             let text = Situation::Avoidance(PLACEMENT_OF_THE_TEXT_M);
-            self.add(arms, self.arm(text, Contender::MCF, plant), self.quarter());
+            self.add(arms, self.arm(text, Contender::MCF, plant), self.tenth());
         }
         for (metres, contender) in
             PLACEMENTS_M.into_iter().flat_map(|m| drivers().into_iter().map(move |c| (m, c)))
         {
             let arm = self.arm(Situation::Avoidance(metres), contender, Plant::SingleTrack);
-            self.add(arms, arm, self.quarter());
+            self.add(arms, arm, self.tenth());
         }
         self.mcf(arms, Situation::AvoidancePrintedWeight, 1);
         self.mcf(arms, Situation::Hil, 1);

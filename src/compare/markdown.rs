@@ -64,7 +64,7 @@ fn table_iii(page: &mut String, comparison: &Comparison) -> std::fmt::Result {
         page,
         "Scenario `platooning`, delays of 50 to 150 ms. The published DMPC is of passenger cars \
          without delay.\nThe tuned single-structure MPC extrapolates what it receives and has a \
-         position weight of {}:\nthe best of nine on seeds 1 to 20 (`platoon compare --tune`).\n",
+         position weight of {}:\nthe best of six on seeds 1 to 20 (`platoon compare --tune`).\n",
         comparison.tuned_position_weight
     )?;
     header(page, &["controller", "s̄₂/s̄₁", "s̄₃/s̄₂", "max s̄ m", "published"])?;
@@ -145,8 +145,9 @@ fn requirements(page: &mut String, comparison: &Comparison) -> std::fmt::Result 
     writeln!(page, "\n## What we hold ourselves to\n")?;
     writeln!(
         page,
-        "Least to largest of all seeds, every one of which must keep the limit; where a median is \
-         meant it says so.\nTwo-track: the verified plant of [plant.md](plant.md).\n"
+        "Least to largest of all seeds, every one of which must keep the limit; with brackets, the \
+         median must, and the band is\n5-95 %. Two-track: the verified plant of \
+         [plant.md](plant.md).\n"
     )?;
     header(page, &["situation", "what", "limit", "single-track", "two-track", ""])?;
     for line in &comparison.requirements {

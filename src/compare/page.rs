@@ -34,16 +34,10 @@ pub fn page(comparison: &Comparison) -> String {
 }
 
 fn claims(page: &mut String, comparison: &Comparison) -> std::fmt::Result {
-    let mut table = words(&["paper", "about", "published", "ours", "", "why"]);
+    let mut table = words(&["paper", "about", "published", "ours", ""]);
     for claim in &comparison.claims {
-        table.add_row([
-            &claim.source,
-            &claim.what,
-            &claim.published,
-            &claim.ours,
-            claim.agreement.word(),
-            &claim.why,
-        ]);
+        let word = claim.agreement.word();
+        table.add_row([&claim.source, &claim.what, &claim.published, &claim.ours, word]);
     }
     section(page, "The paper's claims: medians over the seeds [5-95 %]", &table)?;
     let count = |agreement| comparison.claims.iter().filter(|c| c.agreement == agreement).count();
@@ -53,7 +47,13 @@ fn claims(page: &mut String, comparison: &Comparison) -> std::fmt::Result {
         count(Agreement::Same),
         count(Agreement::Different),
         count(Agreement::NotComparable)
-    )
+    )?;
+    let mut table = words(&["not the same", "why"]);
+    let other = comparison.claims.iter().filter(|c| c.agreement != Agreement::Same);
+    for claim in other {
+        table.add_row([&claim.what, &claim.why]);
+    }
+    section(page, "Why (docs/results.md has the reasons of all)", &table)
 }
 
 fn improvements(page: &mut String, comparison: &Comparison) -> std::fmt::Result {

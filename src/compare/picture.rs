@@ -175,7 +175,7 @@ fn draw_bars(bars: &Bars, area: &Area<'_>) -> Drawn {
     let all = || bars.groups.iter().flat_map(|group| &group.bars);
     let top = all().map(|bar| bar.band.1).fold(0.0, f64::max);
     let groups = bars.groups.len() as f64;
-    let mut chart = chart(area, (0.0, groups), (0.0, 1.08 * top), RIGHT + 90)?;
+    let mut chart = chart(area, (0.0, groups), (0.0, 1.08 * top), RIGHT + 160)?;
     mesh(&mut chart, None, &bars.y)?;
     for (place, group) in bars.groups.iter().enumerate() {
         let width = 0.8 / group.bars.len() as f64;
@@ -195,7 +195,8 @@ fn draw_bars(bars: &Bars, area: &Area<'_>) -> Drawn {
         area.draw(&Text::new(group.name.clone(), (x, y - top + 14), label))?;
     }
     let (right, base) = chart.plotting_area().map_coordinate(&(groups, 0.0));
-    for (number, bar) in bars.groups.iter().take(1).flat_map(|g| &g.bars).enumerate() {
+    let names = bars.groups.iter().take(1).flat_map(|group| group.bars.iter().rev());
+    for (number, bar) in names.enumerate() {
         let y = base - top - 60 * (number as i32 + 1);
         let square = [(right + 10, y - 16), (right + 42, y + 16)];
         area.draw(&Rectangle::new(square, rgb(bar.ink).filled()))?;
