@@ -1,7 +1,7 @@
 //! Many runs in virtual time: cells of scenario, law and seed, spread over threads.
 //!
-//! Nothing is recorded but what a cell asks for. Every cell is a run of its own with nothing shared,
-//! so what comes back depends neither on the number of threads nor on who ran first.
+//! Nothing is recorded but what a cell asks for. Every cell is a run of its own with nothing
+//! shared, so what comes back depends neither on the number of threads nor on who ran first.
 
 #[cfg(test)]
 mod tests;
@@ -94,8 +94,8 @@ pub fn threads() -> usize {
     thread::available_parallelism().map_or(1, NonZero::get)
 }
 
-/// Runs every cell; the outcomes are in the cells' order. `None` when `stop` was set before the end.
-/// `tell` hears of every cell that is done: how many are, and the share of all the work.
+/// Runs every cell; the outcomes are in the cells' order. `None` when `stop` was set before the
+/// end. `tell` hears of every cell that is done: how many are, and the share of all the work.
 ///
 /// # Errors
 /// When a cell cannot start; the others are given up.

@@ -21,7 +21,8 @@ pub struct CompareArgs {
     /// Threads to run in; as many as there are CPUs when left out. The results do not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
-    /// Folder for everything: results.md, results.json, pictures/ and the figures' numbers in data/.
+    /// Folder for everything: results.md, results.json, pictures/ and the figures' numbers in
+    /// data/.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Where to write the tables as JSON.

@@ -7,8 +7,8 @@ use crate::campaign::{Cell, Sampling};
 use crate::cli::{ControllerKind, Word};
 use crate::failure::Failure;
 
-/// Where obstacle 2 of obstacle avoidance is placed against its usual place \[m\]
-/// (`control-lml`'s +12 m is left out: there it appears on top of a truck that lags).
+/// Where obstacle 2 of obstacle avoidance is placed against its usual place \[m\]. At +12 m it
+/// would appear on top of a truck that lags.
 pub const PLACEMENTS_M: [i8; 6] = [-12, -8, -4, 0, 4, 8];
 /// The placement that suits the paper's text best: trucks 2 and 3 wait behind obstacle 2.
 pub const PLACEMENT_OF_THE_TEXT_M: i8 = -12;
@@ -16,9 +16,9 @@ pub const PLACEMENT_OF_THE_TEXT_M: i8 = -12;
 pub const START_DELAYS_S: [u8; 5] = [0, 3, 7, 13, 29];
 /// How long the errors are followed from the manoeuvre's usual start on \[s\].
 pub const MANOEUVRE_S: f64 = 12.0;
-/// Weight of the slot in the single-structure MPC that does best with extrapolated states: the
-/// result of `platoon compare --tune`, seeds 1 to 20.
-pub const TUNED_POSITION_WEIGHT: f64 = 1280.0;
+/// Weight of the slot in the single-structure MPC on extrapolated states beyond which the errors
+/// hardly fall: the result of `platoon compare --tune`, seeds 1 to 20.
+pub const TUNED_POSITION_WEIGHT: f64 = 10_240.0;
 
 /// What happens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

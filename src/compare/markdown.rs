@@ -63,8 +63,9 @@ fn table_iii(page: &mut String, comparison: &Comparison) -> std::fmt::Result {
     writeln!(
         page,
         "Scenario `platooning`, delays of 50 to 150 ms. The published DMPC is of passenger cars \
-         without delay.\nThe tuned single-structure MPC extrapolates what it receives and has a \
-         position weight of {}:\nthe best of six on seeds 1 to 20 (`platoon compare --tune`).\n",
+         without delay;\n[dmpc.md](dmpc.md) reproduces it on those. The tuned single-structure MPC \
+         extrapolates what it receives and has a\nposition weight of {}, the result of `platoon \
+         compare --tune` on seeds 1 to 20.\n",
         comparison.tuned_position_weight
     )?;
     header(page, &["controller", "s̄₂/s̄₁", "s̄₃/s̄₂", "max s̄ m", "published"])?;

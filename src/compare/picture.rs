@@ -1,7 +1,8 @@
-//! A figure as an SVG picture: one style for all, legible on a phone, told apart without colour vision.
+//! A figure as an SVG picture: one style for all, legible on a phone, told apart without colour
+//! vision.
 //!
-//! Text stays text, so a screen reader reads it and nobody needs our fonts. Curves are labelled where
-//! they end, in their colour and in the order in which they end.
+//! Text stays text, so a screen reader reads it and nobody needs our fonts. Curves are labelled
+//! where they end, in their colour and in the order in which they end.
 
 mod labels;
 mod outline;

@@ -1,9 +1,9 @@
 //! Lemma 1's uniformity: the same disturbance at another time has the same effect.
 //!
 //! The delays vary with time, so the closed loop is no time-invariant system, and "asymptotically
-//! stable" and "uniformly asymptotically stable" are two claims. We let the leader's manoeuvre begin
-//! at several times and compare the envelopes of the errors, the largest |ŝ_i| of any truck and seed
-//! at the same time after the beginning.
+//! stable" and "uniformly asymptotically stable" are two claims. We let the leader's manoeuvre
+//! begin at several times and compare the envelopes of the errors, the largest |ŝ_i| of any truck
+//! and seed at the same time after the beginning.
 
 use serde::{Deserialize, Serialize};
 

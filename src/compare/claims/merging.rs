@@ -51,8 +51,8 @@ fn errors(evidence: &Evidence<'_>) -> Option<Claim> {
         ("III-B, Fig. 9", "position errors"),
         "fluctuate, converge after 30 s",
         (&ours, Agreement::when(position.max <= 34.0 && lateral.max <= 34.0)),
-        "Our followers pass the van without leaving their slots by more than 0.5 m; the last one is \
-         back in lane 2 to 3 s later than the paper's, as our van starts where we chose.",
+        "Our followers pass the van without leaving their slots by more than 0.5 m; the last one \
+         is back in lane 2 to 3 s later than the paper's, as our van starts where we chose.",
     ))
 }
 
