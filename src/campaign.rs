@@ -87,6 +87,11 @@ impl Outcome {
     pub fn qp_failures(&self) -> u64 {
         self.ecus.iter().map(|ecu| ecu.qp.failures).sum()
     }
+
+    /// How often a guard's emergency layer began to brake.
+    pub fn emergency_brakings(&self) -> u64 {
+        self.ecus.iter().map(|ecu| u64::from(ecu.emergency_brakings)).sum()
+    }
 }
 
 /// As many threads as this process may use at once.

@@ -222,7 +222,10 @@ fn timing(ecus: &[Report], floor: Option<&Floor>, period_ns: u64) -> TimingVerdi
 }
 
 /// The criteria the rig cannot see: what the ECUs count.
-fn ecu_criteria(scenario: &Scenario, ecus: &[Report]) -> impl Iterator<Item = Criterion> {
+pub(crate) fn ecu_criteria(
+    scenario: &Scenario,
+    ecus: &[Report],
+) -> impl Iterator<Item = Criterion> {
     let limits = &scenario.criteria;
     let failures: u64 = ecus.iter().map(|ecu| ecu.qp.failures).sum();
     let brakings: u64 = ecus.iter().map(|ecu| u64::from(ecu.emergency_brakings)).sum();

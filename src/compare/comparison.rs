@@ -16,7 +16,7 @@ use super::requirement::{self, Requirement};
 use super::spread::Spread;
 use super::uniformity::Uniformity;
 use crate::campaign::Outcome;
-use crate::summary::Verdict;
+use crate::summary::{Verdict, ecu_criteria};
 
 /// How far a loop rate's largest error may be from that at 1000 Hz, as a share of it, or
 /// [`RATE_BAND_M`].
@@ -243,12 +243,8 @@ fn scenarios(design: &Design, runs: &Runs) -> Vec<ScenarioVerdict> {
 
 /// Names of the criteria of its scenario that a run fails, the ECUs' among them.
 fn failures(outcome: &Outcome, scenario: &str) -> Vec<String> {
-    let failed = outcome.results.criteria.iter().filter(|criterion| !criterion.passed);
-    let mut failed: Vec<String> = failed.map(|criterion| criterion.name.clone()).collect();
-    let limits = Scenario::load(scenario, &[]).map(|scenario| scenario.criteria);
-    let allowed = limits.ok().and_then(|limits| limits.max_qp_failures);
-    if allowed.is_some_and(|allowed| outcome.qp_failures() > u64::from(allowed)) {
-        failed.push("max_qp_failures".into());
-    }
-    failed
+    let scenario = Scenario::load(scenario, &[]).ok();
+    let of_ecus = scenario.iter().flat_map(|s| ecu_criteria(s, &outcome.ecus).collect::<Vec<_>>());
+    let all = outcome.results.criteria.iter().cloned().chain(of_ecus);
+    all.filter(|criterion| !criterion.passed).map(|criterion| criterion.name).collect()
 }

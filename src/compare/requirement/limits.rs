@@ -72,7 +72,7 @@ const UNDELAYED: [Row; 1] = [row(
 const STALE: [Row; 1] =
     [row("standing error it must show", ("m", 2), standing_error_m, single(Between(1.1, 3.3)))];
 
-const MERGING: [Row; 7] = [
+const MERGING: [Row; 8] = [
     row(
         "largest error to the truck ahead",
         ("m", 2),
@@ -89,10 +89,11 @@ const MERGING: [Row; 7] = [
     row("least clearance", ("m", 2), measure::clearance_m, both(AtLeast(1.0))),
     row("lateral acceleration", ("m/s²", 2), measure::lateral_accel_mps2, both(AtMost(1.5))),
     row("trucks that never pass the van", ("", 0), measure::not_passed, both(Exactly(0.0))),
+    row("emergency brakings", ("", 0), |o| o.emergency_brakings() as f64, both(Exactly(0.0))),
     row("off centre 10 s after passing", ("m", 2), measure::off_centre_m, both(AtMost(0.15))),
 ];
 
-const AVOIDANCE: [Row; 10] = [
+const AVOIDANCE: [Row; 11] = [
     row(
         "largest error to the truck ahead",
         ("m", 2),
@@ -108,6 +109,7 @@ const AVOIDANCE: [Row; 10] = [
     row("trucks that never pass obstacle 1", ("", 0), measure::not_passed, both(Exactly(0.0))),
     row("off centre 10 s after passing", ("m", 2), measure::off_centre_m, both(AtMost(0.15))),
     row("QPs that failed", ("", 0), |o| o.qp_failures() as f64, both(Exactly(0.0))),
+    row("emergency brakings", ("", 0), |o| o.emergency_brakings() as f64, both(Exactly(0.0))),
 ];
 
 const BACK: [Row; 4] = [
