@@ -109,7 +109,7 @@ pub const ERRATA: [Erratum; 23] = [
     ),
     erratum(
         "Eq. 22, Fig. 16",
-        "with a = 10000 the weight moves by less than 1 %; Fig. 16 cannot come of it",
+        "with a = 10000 and U as printed the weight moves by less than 1 %, not as in Fig. 16",
         "U in units of 1000",
     ),
     erratum(

@@ -141,18 +141,15 @@ fn weight(ours: &[Outcome], printed: &[Outcome]) -> Option<Figure> {
         points: course(outcome, 2, |moment| moment.q_ref),
         band: Vec::new(),
     };
-    let curves = vec![
-        curve("U in units of 1000", Ink::Vermilion, ours),
-        curve("Eq. 22 as printed", Ink::Grey, printed),
-    ];
+    let curves =
+        vec![curve("U / 1000", Ink::Vermilion, ours), curve("as printed", Ink::Grey, printed)];
     Some(Figure {
         of: "Fig. 16".into(),
         file: "fig16".into(),
         title: "Obstacle avoidance: weight of truck 2's reference speed".into(),
-        caption:
-            "Q_ref of truck 2, one seed. As printed, Eq. 22 adds nothing near an obstacle; it \
-                  takes a unit of 1000 for the potential to make the weight fall as the text says."
-                .into(),
+        caption: "Q_ref of truck 2, one seed. As printed, Eq. 22 knows near obstacles and none; a \
+                  unit of 1000 for the potential makes the weight fall with it, as the text says."
+            .into(),
         panels: vec![Panel { title: String::new(), body: over_time("Q_ref", "s²/m²", curves) }],
     })
 }

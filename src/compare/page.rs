@@ -50,8 +50,12 @@ fn claims(page: &mut String, comparison: &Comparison) -> std::fmt::Result {
     )?;
     let mut table = words(&["not the same", "why"]);
     let other = comparison.claims.iter().filter(|c| c.agreement != Agreement::Same);
+    let mut told = "";
     for claim in other {
-        table.add_row([&claim.what, &claim.why]);
+        // Several in a row may have one reason.
+        let why = if claim.why == told { "likewise" } else { claim.why.as_str() };
+        table.add_row([claim.what.as_str(), why]);
+        told = &claim.why;
     }
     section(page, "Why (docs/results.md has the reasons of all)", &table)
 }

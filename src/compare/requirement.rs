@@ -13,7 +13,6 @@ use super::improvement::Improvement;
 use super::measure;
 use super::spread::{Spread, fixed};
 use super::uniformity::{BAND_M, Uniformity};
-use crate::campaign::Outcome;
 
 /// One thing we hold ourselves to.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -148,7 +147,6 @@ pub fn requirements(
     let mut all: Vec<Requirement> = rows.flatten().collect();
     all.extend(sweep(evidence));
     all.extend(earlier(evidence));
-    all.extend(printed_weight(evidence));
     all.extend(improvements.iter().filter_map(improved));
     all.extend(uniformity.map(uniform));
     all
@@ -216,20 +214,6 @@ fn earlier(evidence: &Evidence<'_>) -> Option<Requirement> {
     let spread = Spread::of(pairs.map(|(mcf_s, single_s)| single_s - mcf_s))?;
     let what = ("obstacle avoidance", "speeds settle earlier than the raw baseline's, at least by");
     Some(of_one_plant(what, ("s", 1), Judged::new(AtLeast(10.0), spread, Who::Every)))
-}
-
-/// As printed, Eq. 22 must do nothing.
-fn printed_weight(evidence: &Evidence<'_>) -> Option<Requirement> {
-    let spread_of = |outcome: &Outcome| {
-        let weights = measure::between(outcome, 2, (0.0, f64::INFINITY), |moment| moment.q_ref);
-        let heard = || weights.iter().copied().filter(|weight| weight.is_finite());
-        let (least, most) = (heard().fold(f64::MAX, f64::min), heard().fold(0.0, f64::max));
-        // Without its step at every obstacle that comes into sight: Q0/4 each.
-        100.0 * (1.0 - least / most).min(1.0)
-    };
-    let spread = evidence.spread(Situation::AvoidancePrintedWeight, spread_of)?;
-    let what = ("obstacle avoidance, Eq. 22 as printed", "how far Q_ref of truck 2 moves");
-    Some(of_one_plant(what, ("%", 2), Judged::new(AtMost(1.0), spread, Who::Every)))
 }
 
 /// MCF against the baseline on raw delayed states, position weight 80.

@@ -28,6 +28,11 @@ pub(crate) fn platoon(name: &str, arguments: &[&str]) -> Run {
     start(name, arguments).finish(LIMIT)
 }
 
+/// Runs `platoon` for as long as many runs take.
+pub(crate) fn platoon_at_length(name: &str, arguments: &[&str]) -> Run {
+    start(name, arguments).finish(16 * LIMIT)
+}
+
 /// Runs `platoon rehearse` into a fresh folder of that name.
 pub(crate) fn rehearse(name: &str, arguments: &[&str]) -> Run {
     start_rehearsal(name, arguments).finish(LIMIT)

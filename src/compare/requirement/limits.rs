@@ -81,7 +81,7 @@ const MERGING: [Row; 8] = [
     ),
     row(
         "truck 1 is 1 m out of its lane at",
-        ("s", 1),
+        ("s", 2),
         |o| measure::first_out_s(o, 1),
         single(Between(1.6, 2.4)),
     ),
