@@ -8,6 +8,7 @@ mod determinism;
 mod distributed_mpc;
 mod faults;
 mod gateway;
+mod hazards;
 mod nominal;
 #[path = "../../can-dbc/tests/it/random.rs"]
 mod random;

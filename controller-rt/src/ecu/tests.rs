@@ -3,7 +3,7 @@ use std::sync::{Arc, Mutex};
 
 use law::qp::ActiveSet;
 use law::{Calibration, Law, LmlReport, Phase, UclReport};
-use platoon_dbc::{EgoState, Loopback, Message, Mission, NavStatus};
+use platoon_dbc::{EgoState, Loopback, Message, Mission, NavStatus, Obstacle, ObstacleKind};
 
 use super::*;
 use crate::controller::LawController;
@@ -228,6 +228,35 @@ fn every_tick_answers_the_newest_state_with_one_command() {
     }
     let broadcasts = heard.iter().filter(|message| matches!(message, Message::V2vOut(_)));
     assert_eq!(broadcasts.count(), 5, "every 20 ms");
+}
+
+#[test]
+fn the_ecu_brakes_for_what_stands_ahead_whatever_its_controller_asks() {
+    for without_emergency_braking in [false, true] {
+        let (rig, bus) = Loopback::pair("loopback0", 1024);
+        let config = Config { without_emergency_braking, ..Config::default() };
+        let mut ecu = Ecu::new(config, Box::new(bus), Box::new(Scripted::default()), None);
+        let (mut rig, clock) = (Rig { bus: rig, counters: [0; 9] }, BenchClock::default());
+        rig.send(&mission(RunState::Running));
+        rig.send(&ego(0));
+        rig.send(&Message::Obstacle(Obstacle {
+            kind: ObstacleKind::Vehicle,
+            member: 255,
+            position_x_m: 40.0,
+            length_m: 6.0,
+            width_m: 2.2,
+            ..Obstacle::default()
+        }));
+        ecu.prepare(&clock);
+        tick(&mut ecu, &clock, 0);
+        rig.send(&ego(1));
+        tick(&mut ecu, &clock, 1);
+        let (_, force_n, _, status) = *commands(&rig.hear()).last().expect("two ticks");
+        assert_eq!(force_n < 1_000.0, !without_emergency_braking, "{force_n} N");
+        assert_eq!(status == ActuationStatus::Guard, !without_emergency_braking);
+        let report = ecu.finish(&clock);
+        assert_eq!(report.emergency_brakings, u32::from(!without_emergency_braking));
+    }
 }
 
 #[test]

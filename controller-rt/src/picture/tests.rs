@@ -251,3 +251,42 @@ fn plans_are_heard_from_leader_and_predecessor_and_lost_at_half_their_horizon() 
     assert_eq!(picture.note(&plan(1, NOW_NS - MS)), Noted::Outdated);
     assert_eq!(picture.note(&plan(3, NOW_NS)), Noted::NotMine);
 }
+
+#[test]
+fn the_guard_is_shown_every_solid_object_however_well_looked_after() {
+    let of_kind = |page, kind| {
+        let seen = Obstacle { page, kind, measured_time_ns: NOW_NS, ..Obstacle::default() };
+        Message::Obstacle(seen)
+    };
+    let looked_after = [v2v(0, NOW_NS), v2v(1, NOW_NS), member(0, 1, NOW_NS)];
+    let others = [
+        vehicle(1, NOW_NS),
+        vehicle(2, NOW_NS - OBSTACLE_LOST_NS - 1),
+        of_kind(3, ObstacleKind::Pedestrian),
+        of_kind(4, ObstacleKind::Bump),
+    ];
+    let picture = picture(2, &[&looked_after[..], &others].concat());
+    let shown: Vec<usize> =
+        (0..OBSTACLES_MAX).filter(|&page| picture.objects(NOW_NS)[page].is_some()).collect();
+    assert_eq!(shown, [0, 1, 3]);
+}
+
+#[test]
+fn an_object_across_the_road_is_as_wide_as_it_is_long() {
+    let (length_m, width_m) = (6.0, 2.0);
+    let heading_rad = core::f64::consts::FRAC_PI_2;
+    let Message::Obstacle(van) = vehicle(0, NOW_NS) else { unreachable!("is an obstacle") };
+    let van = Obstacle { length_m, width_m, heading_rad, ..van };
+    let shown = picture(1, &[Message::Obstacle(van)]).objects(NOW_NS)[0].expect("shown");
+    assert!((shown.half_length_m - 1.0).abs() < 1e-9 && (shown.half_width_m - 3.0).abs() < 1e-9);
+}
+
+#[test]
+fn the_guard_knows_the_motion_across_the_road() {
+    let mut picture = picture(1, &[]);
+    let Message::EgoState(ego) = ego_at(NOW_NS + MS) else { unreachable!("is a solution") };
+    let (heading_rad, yaw_rate_radps) = (0.1, -0.05);
+    picture.note(&Message::EgoState(EgoState { heading_rad, yaw_rate_radps, ..ego }));
+    let own = picture.own_motion(NOW_NS + MS);
+    assert!((own.left_mps - 20.0 * 0.1_f64.sin()).abs() < 1e-9 && own.left_mps2 == -1.0);
+}
