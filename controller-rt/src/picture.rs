@@ -202,8 +202,8 @@ impl Picture {
         }
     }
 
-    /// What the guard must not let the truck run into, by page: every object the sensors report now,
-    /// trucks of the platoon like any other. What may be driven over is none.
+    /// What the guard must not let the truck run into, by page: every object the sensors report
+    /// now, trucks of the platoon like any other. What may be driven over is none.
     #[must_use]
     pub fn objects(&self, now_ns: u64) -> [Option<Object>; OBSTACLES_MAX] {
         self.obstacles.map(|held| {

@@ -4,8 +4,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use toml::Value;
 
-/// One smooth change of lateral position: a quintic with zero lateral speed and acceleration at both
-/// ends, the usual lane change.
+/// One smooth change of lateral position: a quintic with zero lateral speed and acceleration at
+/// both ends, the usual lane change.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LaneChange {

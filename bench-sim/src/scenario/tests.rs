@@ -26,14 +26,18 @@ fn every_built_in_scenario_loads_under_its_own_name() {
 }
 
 #[test]
-fn the_two_scenarios_differ_in_the_v2v_delay_only() {
-    let with = Scenario::load("obstacle-avoidance", &[]).expect("loads");
-    let mut without = Scenario::load("hil-obstacle-avoidance", &[]).expect("loads");
-    assert_eq!((without.v2v.delay_min_s, without.v2v.delay_max_s), (0.0, 0.0));
-    without.v2v = with.v2v;
-    without.name.clone_from(&with.name);
-    without.description.clone_from(&with.description);
-    assert_eq!(with, without);
+fn the_hil_scenarios_differ_from_the_first_in_the_v2v_delay_only() {
+    let first = Scenario::load("obstacle-avoidance", &[]).expect("loads");
+    let delays =
+        [("hil-obstacle-avoidance", 0.0, 0.0), ("hil-obstacle-avoidance-delay", 0.05, 0.25)];
+    for (name, delay_min_s, delay_max_s) in delays {
+        let mut hil = Scenario::load(name, &[]).expect("loads");
+        assert_eq!((hil.v2v.delay_min_s, hil.v2v.delay_max_s), (delay_min_s, delay_max_s));
+        hil.v2v = first.v2v;
+        hil.name.clone_from(&first.name);
+        hil.description.clone_from(&first.description);
+        assert_eq!(first, hil);
+    }
 }
 
 #[test]
@@ -41,6 +45,10 @@ fn the_second_van_is_where_the_reference_numbers_put_it() {
     let scenario = load(&[]).expect("loads");
     let van = &scenario.obstacles[1];
     assert!((van.motion(49.0).x_m - 797.0).abs() < 1e-9 && van.appears_s == 40.0);
+    let mut back = Scenario::load("obstacle-avoidance-12m-back", &[]).expect("loads");
+    assert!((back.obstacles[1].motion(49.0).x_m - 785.0).abs() < 1e-9);
+    back.obstacles[1].x_m += 12.0;
+    assert_eq!(back.obstacles, scenario.obstacles);
 }
 
 #[test]

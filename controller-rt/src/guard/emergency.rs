@@ -10,11 +10,11 @@
 //! ```
 //!
 //! The two agree where they meet. They are the cases of the CAMP project's crash alert (Kiefer et
-//! al., *Development and Validation of Functional Definitions and Evaluation Procedures for Collision
-//! Warning/Avoidance Systems*, DOT HS 808 964, 1999). Above [`TRIGGER_MPS2`], with paths that overlap,
-//! the truck brakes with [`SURPLUS`] times a_req on the law's steering, until a_req has fallen below
-//! [`RELEASE_MPS2`] or the paths have parted. Then it waits until there is [`WAITING_M`] of room to
-//! drive into, if that is ahead which it braked for: it must not be pushed into what it stopped for.
+//! al., *Development and Validation of Functional Definitions and Evaluation Procedures for
+//! Collision Warning/Avoidance Systems*, DOT HS 808 964, 1999). Above [`TRIGGER_MPS2`], with paths
+//! that overlap, the truck brakes with [`SURPLUS`] times a_req on the law's steering, until a_req
+//! has fallen below [`RELEASE_MPS2`] or the paths have parted. Then it waits until there is
+//! [`WAITING_M`] of room to drive into: it must not be pushed into what it stopped for.
 //!
 //! Whether an object is in the way is judged by how the truck really moves across the road, not by
 //! what the law intends: a truck that is swerving has the yaw rate for it.

@@ -6,11 +6,11 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Time constant of the smoothing \[s\]: two reports. A step of 6 m/s² shows as 4.2 m/s² after three
-/// reports; 0.01 m/s of noise on the speeds becomes less than 0.1 m/s².
+/// Time constant of the smoothing \[s\]: two reports. A step of 6 m/s² shows as 4.2 m/s² after
+/// three reports; 0.01 m/s of noise on the speeds becomes less than 0.1 m/s².
 const SMOOTHING_S: f64 = 0.1;
-/// An object that seems to move this much faster or slower than at its last report \[m/s\] is another
-/// object: 50 ms of it would take 60 m/s².
+/// An object that seems to move this much faster or slower than at its last report \[m/s\] is
+/// another object: 50 ms of it would take 60 m/s².
 const SPEED_JUMP_MPS: f64 = 3.0;
 /// Likewise for a place that its last speed does not lead to \[m\].
 const PLACE_JUMP_M: f64 = 2.0;

@@ -1,4 +1,5 @@
-//! The layer on a straight road: a truck with lagging brakes behind something that follows a script.
+//! The layer on a straight road: a truck with lagging brakes behind something that follows a
+//! script.
 
 use super::*;
 use crate::guard::{Guard, Plan, Proposal, Reason};
