@@ -12,7 +12,7 @@
 //! one ahead, in `plf` to the leader as well.
 //!
 //! Ours is what the paper's simulation does not need: plans that come late are shifted by their age
-//! ([`Plan::at`]), a truck too far from its slot approaches it at a bounded speed ([`aim`]), and a
+//! ([`Plan::at`]), a truck too far from its slot approaches it at a bounded speed (`aim`), and a
 //! truck that hears nobody's plan supposes constant speed. `docs/dmpc.md` has it all in one place.
 
 mod bounded;
@@ -210,7 +210,7 @@ fn plan(
 
 /// Where the horizon has to end.
 ///
-/// The mean of the slots, at their mean speed [Zheng]. A truck further from its slot than a
+/// The mean of the slots, at their mean speed \[Zheng\]. A truck further from its slot than a
 /// constant deceleration over the horizon covers cannot be there in time: it is only asked to end
 /// its plan faster or slower than its neighbours by the speed of approach. Without neighbours the
 /// speed changes towards the set speed by as much.

@@ -1,4 +1,4 @@
-//! The longitudinal model a DMPC truck predicts with [Zheng].
+//! The longitudinal model a DMPC truck predicts with \[Zheng\].
 //!
 //! ```text
 //! x' = v      v' = a - r(v)      a' = (u - a)/tau      a = eta T/(m R),  u = eta T_des/(m R)
@@ -102,7 +102,7 @@ impl Drive {
         self.by_input
     }
 
-    /// The input that keeps a speed, h(v) of [Zheng] \[m/s²\], and its derivative by speed.
+    /// The input that keeps a speed, h(v) of \[Zheng\] \[m/s²\], and its derivative by speed.
     pub fn holding(&self, speed_mps: f64) -> (f64, f64) {
         self.resistance.mps2(speed_mps)
     }

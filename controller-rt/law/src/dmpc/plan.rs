@@ -45,7 +45,7 @@ impl Plan {
     ///
     /// Between points the position is the cubic with the points' positions and speeds. Before the
     /// first and after the last point the speed is constant: a plan ends in steady driving, so its
-    /// continuation is the assumed trajectory of [Zheng], however old the plan is.
+    /// continuation is the assumed trajectory of \[Zheng\], however old the plan is.
     pub fn at(&self, time_ns: u64) -> (f64, f64) {
         let steps = seconds_between(self.start_ns, time_ns) / STEP_S;
         if steps <= 0.0 {
