@@ -1,4 +1,4 @@
-//! The optimal control problem of one vehicle and one instant \[Zheng, the local problem of node i\].
+//! The optimal control problem of one vehicle and one instant, after \[Zheng\].
 //!
 //! ```text
 //! minimise over u_0 .. u_19
