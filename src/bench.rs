@@ -7,6 +7,7 @@ use std::thread::{self, JoinHandle};
 use bench_sim::rig::{self, Progress, RunEnd, RunOptions, RunReport};
 use bench_sim::{Results, Rig, Scenario};
 use controller_rt::{Config, Ecu, Realtime, Report};
+use law::Calibration;
 use platoon_dbc::{Bus, Clock, Emulated, Loopback};
 use serde::{Deserialize, Serialize};
 use traces::{Overflow, Recorder, Source};
@@ -16,7 +17,7 @@ use crate::calibration;
 use crate::cli::{BenchArgs, BusTimingKind, RunArgs, V2vDelay};
 use crate::clock::{HostClock, wall_ns};
 use crate::failure::Failure;
-use crate::gain::{self, Settled};
+use crate::gain;
 use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
@@ -107,7 +108,9 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
         if let Some(settled) = settled.as_ref().filter(|_| args.host.contains(&truck)) {
             let (rig_end, ecu_end) = Loopback::pair(&format!("loopback{truck}"), LOOPBACK_FRAMES);
             ends.push(timed(Box::new(rig_end), &args.run));
-            hosted.push(host(args, settled, &folder, truck, ecu_end, &stop)?);
+            let own = calibration::of_truck(&settled.calibration, &scenario, truck);
+            let law = (own, settled.gain_id);
+            hosted.push(host(args, law, &folder, truck, ecu_end, &stop)?);
         } else {
             ends.push(timed(bus.open_for_rig(truck)?, &args.run));
         }
@@ -182,13 +185,12 @@ pub fn recording_loss(recorder: Recorder) -> Option<String> {
 /// Runs an ECU in a thread of this process, over a loopback bus.
 fn host(
     args: &BenchArgs,
-    settled: &Settled,
+    (calibration, gain_id): (Calibration, u8),
     folder: &RunFolder,
     truck: u8,
     end: Loopback,
     stop: &Arc<AtomicBool>,
 ) -> Result<JoinHandle<Report>, Failure> {
-    let (calibration, gain_id) = (settled.calibration, settled.gain_id);
     let controller = calibration::controller(calibration, args.law_options.solver);
     let interfaces = vec![end.name().to_owned()];
     let source = Source::Ecu(truck);
@@ -200,14 +202,8 @@ fn host(
     let run = move || {
         let obtained = process::become_realtime(process::ECU_PRIORITY, None);
         let realtime = Some(process::as_reported(&obtained));
-        let config = Config {
-            truck,
-            gain_id,
-            profile,
-            vehicle,
-            realtime,
-            without_emergency_braking,
-        };
+        let config =
+            Config { truck, gain_id, profile, vehicle, realtime, without_emergency_braking };
         let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
         controller_rt::run(ecu, &HostClock::default(), &stop)
     };

@@ -11,6 +11,8 @@ use platoon_dbc::{FrameFlags, MessageInfo, Profile, V2vTrajectory, V2vTrajectory
 const PLANNED_PERCENT_MAX: f64 = 80.0;
 /// Longest base step of the rig, within which it delivers V2V messages \[ns\].
 const RIG_STEP_NS: u64 = 1_000_000;
+/// How often the rig tells a mission while a number in it moves \[ns\].
+const MOVING_MISSION_PERIOD_NS: u64 = 20 * NS_PER_MS;
 /// The node of a DBC that is the ECU; every other one is played by the rig.
 const ECU: &str = "Ecu";
 
@@ -133,6 +135,10 @@ fn frame_flags(profile: Profile) -> FrameFlags {
 /// What decides how often messages come.
 struct Traffic<'a> {
     scenario: &'a Scenario,
+    /// For every truck the trucks it hears.
+    sources: Vec<Vec<usize>>,
+    /// Whether nobody's mission changes during the run.
+    is_fixed: bool,
     messages: &'a [&'static MessageInfo],
     /// The loop's period \[ns\].
     tick_ns: u64,
@@ -145,6 +151,8 @@ impl<'a> Traffic<'a> {
         let cycles_ms = messages.iter().map(|message| message.cycle_time_ms);
         Self {
             scenario,
+            sources: scenario.v2v_sources(),
+            is_fixed: scenario.events.iter().all(|event| event.at_s <= 0.0),
             messages,
             tick_ns: NS_PER_S / u64::from(rate_hz.max(1)),
             tick_cycle_ms: cycles_ms.filter(|&ms| ms > 0).min().unwrap_or(1),
@@ -152,10 +160,10 @@ impl<'a> Traffic<'a> {
     }
 
     fn of_truck(&self, truck: usize) -> Vec<PlannedStream> {
-        // A truck hears the leader and its predecessor; for truck 1 they are one.
-        let heard = truck.min(2);
+        let heard = self.sources[truck].len();
         // It may see every obstacle and every truck ahead, as long as there are pages for them.
-        let seen = self.scenario.obstacles.len() + truck;
+        let ahead = if self.is_fixed { truck } else { self.scenario.platoon.trucks - 1 };
+        let seen = self.scenario.obstacles.len() + ahead;
         let has_ecu = self.scenario.has_ecu(truck);
         let sent = self.messages.iter().filter(|message| has_ecu || message.sender != ECU);
         let streams = sent.flat_map(|&message| {
@@ -164,6 +172,7 @@ impl<'a> Traffic<'a> {
                     (self.relayed(message), heard)
                 }
                 name if name.starts_with("Obstacle") => (self.cyclic(message), seen.min(OBSTACLES)),
+                name if name.starts_with("Mission") => (self.mission(message), 1),
                 _ => (self.cyclic(message), 1),
             };
             std::iter::repeat_n(stream, count)
@@ -181,6 +190,13 @@ impl<'a> Traffic<'a> {
         // A tick of an ECU may start up to half a period late, and is skipped beyond that.
         let late_ns = if message.sender == ECU { self.tick_ns / 2 } else { 0 };
         PlannedStream { message, period_ns, jitter_ns: grid_ns + late_ns, distance_ns: 0 }
+    }
+
+    /// The plan, which is told more often while a number in it moves.
+    fn mission(&self, message: &'static MessageInfo) -> PlannedStream {
+        let cyclic = self.cyclic(message);
+        let period_ns = if self.is_fixed { cyclic.period_ns } else { MOVING_MISSION_PERIOD_NS };
+        PlannedStream { period_ns: period_ns.max(self.tick_ns), ..cyclic }
     }
 
     /// A message of another truck, as the radio delivers it.

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::Path;
 
+use bench_sim::Scenario;
 use controller_rt::{Clarabel, Controller, LawController};
 use law::qp::ActiveSet;
 use law::{Calibration, Law};
@@ -63,6 +64,17 @@ pub fn asked_for(
         ));
     }
     Ok(calibration)
+}
+
+/// The calibration of one truck's ECU: the common one, and the truck's mass where the scenario says
+/// that it is told. Yaw inertia grows with it.
+pub fn of_truck(common: &Calibration, scenario: &Scenario, truck: u8) -> Calibration {
+    let mut own = *common;
+    if let Some(mass_kg) = scenario.told_mass_kg(usize::from(truck)) {
+        own.truck.yaw_inertia_kgm2 *= mass_kg / own.truck.mass_kg;
+        own.truck.mass_kg = mass_kg;
+    }
+    own
 }
 
 /// The law with this calibration, ready for an ECU.

@@ -146,6 +146,11 @@ impl<'a> Plan<'a> {
         (0..self.trucks() as u8).filter(|&truck| self.scenario.has_ecu(usize::from(truck)))
     }
 
+    /// Whether the ECU of a truck knows more about its truck than the others.
+    fn is_told(&self, truck: u8) -> bool {
+        self.scenario.told_mass_kg(usize::from(truck)).is_some()
+    }
+
     /// Says loudly which bus it is and why, and who may attach.
     fn announce(&self, bus: &BusChoice, gateway: Option<&Gateway>) {
         anstream::eprintln!(
@@ -227,9 +232,21 @@ impl<'a> Plan<'a> {
 
     /// What the processes of the run read, and what somebody needs to repeat it.
     fn write_inputs(&self, folder: &RunFolder) -> Result<(), Failure> {
-        let law = toml::to_string(&self.calibration)
-            .map_err(|error| Failure::cannot_start(format!("law.toml: {error}")))?;
-        for (path, text) in [(folder.scenario(), self.scenario.to_toml()), (folder.law(), law)] {
+        let law = |calibration: &Calibration| {
+            toml::to_string(calibration)
+                .map_err(|error| Failure::cannot_start(format!("law.toml: {error}")))
+        };
+        let mut files = vec![
+            (folder.scenario(), self.scenario.to_toml()),
+            (folder.law(), law(&self.calibration)?),
+        ];
+        for truck in self.ecus().filter(|&truck| self.is_told(truck)) {
+            files.push((
+                folder.law_of(truck),
+                law(&calibration::of_truck(&self.calibration, &self.scenario, truck))?,
+            ));
+        }
+        for (path, text) in files {
             fs::write(&path, text).map_err(|error| {
                 Failure::cannot_start(format!("cannot write {}: {error}", path.display()))
             })?;

@@ -81,6 +81,11 @@ impl RunFolder {
         self.path.join("law.toml")
     }
 
+    /// The same for a truck that is told more about itself than the others.
+    pub fn law_of(&self, truck: u8) -> PathBuf {
+        self.path.join(format!("law-{truck}.toml"))
+    }
+
     /// What one process recorded.
     pub fn part(&self, process: &str) -> PathBuf {
         self.path.join(format!("{process}.part.mcap"))

@@ -1,7 +1,8 @@
 //! The V2V radio between the trucks: delayed, lossy, seeded.
 //!
 //! Truck i's ECU broadcasts; every other truck that listens to i has a link of its own with its
-//! own delay and its own losses. A follower listens to the leader and to the truck ahead of it.
+//! own delay and its own losses. A follower listens to the trucks that lead it, or that it follows,
+//! at any time of the scenario.
 //! A lost message is simply never delivered: the receiver's last one ages.
 
 mod delay;
@@ -83,16 +84,22 @@ struct UnderWay<M> {
 }
 
 impl<M: Copy> Channel<M> {
-    /// The links of a platoon of `trucks`, every one of them seeded by itself.
-    pub(crate) fn new(settings: &V2v, trucks: usize, base_step_ns: u64, seed: u64) -> Self {
-        let leader_links = (1..trucks).map(|to| (0, to));
-        let neighbour_links = (2..trucks).map(|to| (to - 1, to));
+    /// The links of trucks that listen to these sources each, every one of them seeded by itself.
+    pub(crate) fn new(
+        settings: &V2v,
+        sources: &[Vec<usize>],
+        base_step_ns: u64,
+        seed: u64,
+    ) -> Self {
+        let listens = |(to, sources): (usize, &Vec<usize>)| -> Vec<(usize, usize)> {
+            sources.iter().map(|&from| (from, to)).collect()
+        };
+        let mut links: Vec<(usize, usize)> = sources.iter().enumerate().flat_map(listens).collect();
+        links.sort_unstable();
+        let link = |ends| Link::new(settings, ends, base_step_ns, seed);
         Self {
-            links: leader_links
-                .chain(neighbour_links)
-                .map(|(from, to)| Link::new(settings, (from, to), base_step_ns, seed))
-                .collect(),
-            newest_ns: vec![None; trucks],
+            links: links.into_iter().map(link).collect(),
+            newest_ns: vec![None; sources.len()],
             period_min_ns: ((settings.period_s - PERIOD_TOLERANCE_S) * 1e9) as u64,
             refused: 0,
         }
@@ -224,7 +231,8 @@ mod tests {
 
     /// Runs a channel for `seconds`, every truck broadcasting each 20 ms.
     fn run(settings: &V2v, seed: u64, seconds: u64) -> (Channel<(usize, u64)>, Vec<Delivery>) {
-        let mut channel = Channel::new(settings, 4, STEP_NS, seed);
+        let sources = [vec![], vec![0], vec![0, 1], vec![2, 0]];
+        let mut channel = Channel::new(settings, &sources, STEP_NS, seed);
         let mut log = Vec::new();
         for step in 0..seconds * 1000 {
             let now_ns = step * STEP_NS;
@@ -255,7 +263,7 @@ mod tests {
     }
 
     #[test]
-    fn every_follower_hears_its_leader_and_its_predecessor_only() {
+    fn every_truck_hears_its_sources_only() {
         let (_, log) = run(&settings(), 3, 5);
         let mut pairs: Vec<_> = log.iter().map(|&(to, from, ..)| (to, from)).collect();
         pairs.sort_unstable();
@@ -309,7 +317,7 @@ mod tests {
 
     #[test]
     fn impossible_generation_times_are_refused() {
-        let mut channel = Channel::new(&settings(), 2, STEP_NS, 1);
+        let mut channel = Channel::new(&settings(), &[vec![], vec![0]], STEP_NS, 1);
         assert_eq!(channel.broadcast(0, 2, 1, ()), Broadcast::Refused);
         assert_eq!(channel.broadcast(0, 100, 100, ()), Broadcast::Sent);
         assert_eq!(channel.broadcast(0, 100, 200, ()), Broadcast::Refused);

@@ -30,13 +30,15 @@ mod noise;
 pub mod obstacle;
 mod rectangle;
 pub mod rig;
+mod roster;
 pub mod scenario;
 mod sensor;
+mod transition;
 pub mod truck;
 mod truck_node;
 
 pub use channel::ChannelReport;
-pub use metrics::{Criterion, TruckResult};
+pub use metrics::{Amplification, Criterion, TruckResult};
 pub use rectangle::Rectangle;
 pub use rig::{Results, Rig, RigError};
 pub use scenario::{Scenario, ScenarioError};

@@ -5,11 +5,15 @@
 //! predecessor error  σ_i = s_{i-1} - s_i - D        both 0 for the leader
 //! ```
 //!
+//! Leader, predecessor and the distances asked for are those of the roster at that instant.
+//!
 //! - *Settled*: the last instant at which the error was outside its band; never settled when that
-//!   is the end of the run. Position: e_i. Speed: forward speed minus the set speed, or minus the
-//!   last speed of a scripted leader. Lateral: distance to the desired line.
+//!   is the end of the run. Position: e_i. Speed: forward speed minus the leader's set speed, or
+//!   minus the last speed of a scripted leader. Lateral: distance to the desired line.
+//! - *Settled after a change*: see [`change`]. *Amplification*: see [`oscillation`].
 //! - *Clearance*: least distance between the truck's box and the box of an obstacle that is present
-//!   and must not be touched; negative is the depth of an overlap. *Gap*: the same to other trucks.
+//!   and must not be touched; negative is the depth of an overlap. *Gap*: the same to other trucks;
+//!   *standstill gap*: while this truck stands still.
 //! - *Lane crossing*: the CG passes the line between the lanes and gets 0.2 m beyond it.
 //! - *Off centre*: lateral distance to the desired line from 10 s after the truck has come back
 //!   from passing until it leaves its lane again.
@@ -17,7 +21,9 @@
 //!   obstacle's front at the end.
 //! - Forces and steering: the larger of what the ECU asked for and what the actuators were told.
 
+mod change;
 mod judge;
+mod oscillation;
 #[cfg(test)]
 mod tests;
 
@@ -25,17 +31,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::obstacle::{Kind, Obstacle};
 use crate::rectangle::Rectangle;
-use crate::scenario::{OBSTACLES_MAX, Scenario, TRUCKS_MAX};
+use crate::roster::Place;
+use crate::scenario::{OBSTACLES_MAX, Scenario, TRUCKS_MAX, Wave};
 use crate::truck::{Command, REAR_OVERHANG_M, Truck};
 use crate::truck_node::CommandRange;
 
+use change::{Changes, Phase, Settling};
 pub use judge::Criterion;
 pub(crate) use judge::judge;
+pub use oscillation::Amplification;
+use oscillation::Oscillation;
 
 /// How far beyond the line between the lanes a crossing counts \[m\].
 const CROSSING_MARGIN_M: f64 = 0.2;
 /// How long a truck that has come back to its lane may take to find its centre \[ns\].
 const CENTRING_NS: u64 = 10_000_000_000;
+/// Slower than this a truck stands still \[m/s\].
+const STANDSTILL_MPS: f64 = 0.05;
 
 /// How one truck did.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -56,8 +68,15 @@ pub struct TruckResult {
     pub settled_speed_s: Option<f64>,
     /// Least clearance to an obstacle \[m\]; `None` when there never was one.
     pub min_obstacle_clearance_m: Option<f64>,
+    /// The longest it took to settle after a change of the roster \[s\]; `None` when it did not
+    /// before the next one.
+    pub settled_after_change_s: Option<f64>,
+    /// Its answer to every wave of a scripted leader.
+    pub amplifications: Vec<Amplification>,
     /// Least gap to another truck \[m\]; `None` for a truck alone.
     pub min_truck_gap_m: Option<f64>,
+    /// Least gap to another truck while this one stands still \[m\]; `None` when it never does.
+    pub min_standstill_gap_m: Option<f64>,
     /// Largest |road-wheel angle| \[rad\].
     pub max_abs_steer_rad: f64,
     /// Largest |lateral acceleration of the CG| \[m/s²\].
@@ -95,14 +114,14 @@ pub(crate) struct Errors {
     pub(crate) predecessor_m: f64,
 }
 
-/// The errors of truck `index`.
-pub(crate) fn errors(trucks: &[Truck], index: usize, spacing_m: f64) -> Errors {
+/// The errors of truck `index`, which has this place.
+pub(crate) fn errors(trucks: &[Truck], index: usize, place: &Place) -> Errors {
     let x_m = |i: usize| trucks[i].state().x_m;
-    match index {
+    match place.place {
         0 => Errors::default(),
         _ => Errors {
-            leader_m: x_m(0) - x_m(index) - index as f64 * spacing_m,
-            predecessor_m: x_m(index - 1) - x_m(index) - spacing_m,
+            leader_m: x_m(place.leader) - x_m(index) - place.leader_distance_m,
+            predecessor_m: x_m(place.predecessor) - x_m(index) - place.spacing_m,
         },
     }
 }
@@ -112,6 +131,7 @@ pub(crate) fn errors(trucks: &[Truck], index: usize, spacing_m: f64) -> Errors {
 pub(crate) struct Sample<'a> {
     pub(crate) time_ns: u64,
     pub(crate) trucks: &'a [Truck],
+    pub(crate) places: &'a [Place],
     pub(crate) commands: &'a [Command],
     pub(crate) obstacles: &'a [Obstacle],
 }
@@ -119,10 +139,10 @@ pub(crate) struct Sample<'a> {
 /// The measurements of a run, growing with every sample.
 #[derive(Debug, Clone)]
 pub(crate) struct Metrics {
-    spacing_m: f64,
-    set_speed_mps: f64,
+    /// The last speed of a scripted leader \[m/s\].
+    scripted_mps: Option<f64>,
+    changes: Changes,
     lane_line_m: f64,
-    desired_y_m: f64,
     position_band_m: f64,
     speed_band_mps: f64,
     lateral_band_m: f64,
@@ -134,11 +154,17 @@ pub(crate) struct Metrics {
 #[derive(Debug, Clone)]
 struct Gauge {
     result: TruckResult,
+    /// Whom it follows now, and who leads it; itself when it leads.
+    predecessor: usize,
+    leader: usize,
+    settling: Settling,
+    oscillations: Vec<Oscillation>,
     outside_position_ns: Option<u64>,
     outside_speed_ns: Option<u64>,
     outside_lateral_ns: Option<u64>,
     clearance_m: f64,
     gap_m: f64,
+    standstill_gap_m: f64,
     left_of_line: Option<bool>,
     /// When it last came back to the side of the line it should be on.
     returned_ns: Option<u64>,
@@ -149,15 +175,16 @@ struct Gauge {
 
 impl Metrics {
     pub(crate) fn new(scenario: &Scenario) -> Self {
+        let leader = scenario.leader.as_ref();
+        let waves: Vec<Wave> = leader.map_or(Vec::new(), |leader| leader.waves().collect());
         Self {
-            spacing_m: scenario.platoon.spacing_m,
-            set_speed_mps: scenario.final_speed_mps(),
+            scripted_mps: leader.map(|leader| leader.final_speed_mps(scenario.start(0).speed_mps)),
+            changes: Changes::new(&scenario.events),
             lane_line_m: 0.5 * scenario.road.lane_width_m,
-            desired_y_m: scenario.platoon.desired_y_m,
             position_band_m: scenario.criteria.settled_position_band_m,
             speed_band_mps: scenario.criteria.settled_speed_band_mps,
             lateral_band_m: scenario.criteria.settled_lateral_band_m,
-            gauges: (0..scenario.platoon.trucks).map(Gauge::new).collect(),
+            gauges: (0..scenario.platoon.trucks).map(|truck| Gauge::new(truck, &waves)).collect(),
             last_ns: 0,
         }
     }
@@ -170,11 +197,12 @@ impl Metrics {
             *rectangle = truck.rectangle();
         }
         let boxes = &boxes[..seen.trucks.len()];
+        let phase = self.changes.phase(seen.time_ns);
         for index in 0..seen.trucks.len() {
-            self.sample_motion(seen, index);
+            self.sample_motion(seen, index, phase);
             self.gauges[index].sample_obstacles(seen, &seen.trucks[index], &boxes[index]);
             for other in 0..index {
-                self.sample_gap(index, other, boxes);
+                self.sample_gap(seen.trucks, (index, other), boxes);
             }
         }
     }
@@ -184,29 +212,48 @@ impl Metrics {
         &self,
         asked: impl Iterator<Item = (&'a CommandRange, u32)>,
     ) -> Vec<TruckResult> {
-        self.gauges
-            .iter()
-            .zip(asked)
-            .map(|(gauge, asked)| gauge.finish(self.last_ns, asked))
-            .collect()
+        let results = self.gauges.iter().zip(asked);
+        let mut results: Vec<TruckResult> =
+            results.map(|(gauge, asked)| gauge.finish(self.last_ns, asked)).collect();
+        for (index, gauge) in self.gauges.iter().enumerate() {
+            for wave in 0..gauge.oscillations.len() {
+                let speed_mps = |truck: usize| results[truck].amplifications[wave].speed_mps;
+                let over =
+                    |truck: usize| (truck != index).then(|| speed_mps(index) / speed_mps(truck));
+                let leader_ratio = over(gauge.leader);
+                let ratio = over(gauge.predecessor).filter(|_| gauge.predecessor != gauge.leader);
+                let own = &mut results[index].amplifications[wave];
+                (own.leader_ratio, own.ratio) = (leader_ratio, ratio);
+            }
+        }
+        results
     }
 
-    fn sample_motion(&mut self, seen: &Sample, index: usize) {
-        let Errors { leader_m, predecessor_m } = errors(seen.trucks, index, self.spacing_m);
+    fn sample_motion(&mut self, seen: &Sample, index: usize, phase: Phase) {
+        let place = &seen.places[index];
+        let Errors { leader_m, predecessor_m } = errors(seen.trucks, index, place);
         let (state, command) = (seen.trucks[index].state(), &seen.commands[index]);
+        let scripted_mps = self.scripted_mps.filter(|_| place.leader == 0);
+        let off_mps = state.forward_mps - scripted_mps.unwrap_or(place.speed_mps);
+        let off_m = state.y_m - place.desired_y_m;
         let gauge = &mut self.gauges[index];
-        if leader_m.abs() > self.position_band_m {
-            gauge.outside_position_ns = Some(seen.time_ns);
+        let outside = [
+            (&mut gauge.outside_position_ns, leader_m.abs() > self.position_band_m),
+            (&mut gauge.outside_speed_ns, off_mps.abs() > self.speed_band_mps),
+            (&mut gauge.outside_lateral_ns, off_m.abs() > self.lateral_band_m),
+        ];
+        let is_outside = outside.iter().any(|(_, is)| *is);
+        for (last_ns, _) in outside.into_iter().filter(|(_, is)| *is) {
+            *last_ns = Some(seen.time_ns);
         }
-        if (state.forward_mps - self.set_speed_mps).abs() > self.speed_band_mps {
-            gauge.outside_speed_ns = Some(seen.time_ns);
+        (gauge.predecessor, gauge.leader) = (place.predecessor, place.leader);
+        gauge.settling.sample(phase, is_outside);
+        for oscillation in &mut gauge.oscillations {
+            oscillation.sample(seen.time_ns as f64 * 1e-9, state.forward_mps);
         }
-        let (beyond_m, own_m) = (state.y_m - self.lane_line_m, self.desired_y_m - self.lane_line_m);
-        gauge.sample_line(seen.time_ns, beyond_m, own_m);
-        if (state.y_m - self.desired_y_m).abs() > self.lateral_band_m {
-            gauge.outside_lateral_ns = Some(seen.time_ns);
-        }
-        gauge.sample_centring(seen.time_ns, state.y_m - self.desired_y_m);
+        let beyond_m = state.y_m - self.lane_line_m;
+        gauge.sample_line(seen.time_ns, beyond_m, place.desired_y_m - self.lane_line_m);
+        gauge.sample_centring(seen.time_ns, off_m);
         let r = &mut gauge.result;
         r.max_abs_leader_error_m = r.max_abs_leader_error_m.max(leader_m.abs());
         r.max_abs_predecessor_error_m = r.max_abs_predecessor_error_m.max(predecessor_m.abs());
@@ -222,19 +269,30 @@ impl Metrics {
         r.final_speed_mps = state.forward_mps;
     }
 
-    fn sample_gap(&mut self, index: usize, other: usize, boxes: &[Rectangle]) {
-        let known_m = self.gauges[index].gap_m.max(self.gauges[other].gap_m);
-        if boxes[index].clearance_floor_m(&boxes[other]) < known_m {
-            let gap_m = boxes[index].clearance_m(&boxes[other]);
-            for truck in [index, other] {
-                self.gauges[truck].gap_m = self.gauges[truck].gap_m.min(gap_m);
+    fn sample_gap(&mut self, trucks: &[Truck], pair: (usize, usize), boxes: &[Rectangle]) {
+        let (one, other) = pair;
+        let stands = |truck: usize| trucks[truck].state().forward_mps < STANDSTILL_MPS;
+        let known_m = |gauge: &Gauge, truck| match stands(truck) {
+            true => gauge.gap_m.max(gauge.standstill_gap_m),
+            false => gauge.gap_m,
+        };
+        let known_m = known_m(&self.gauges[one], one).max(known_m(&self.gauges[other], other));
+        if boxes[one].clearance_floor_m(&boxes[other]) >= known_m {
+            return;
+        }
+        let gap_m = boxes[one].clearance_m(&boxes[other]);
+        for truck in [one, other] {
+            let gauge = &mut self.gauges[truck];
+            gauge.gap_m = gauge.gap_m.min(gap_m);
+            if stands(truck) {
+                gauge.standstill_gap_m = gauge.standstill_gap_m.min(gap_m);
             }
         }
     }
 }
 
 impl Gauge {
-    fn new(index: usize) -> Self {
+    fn new(index: usize, waves: &[Wave]) -> Self {
         let result = TruckResult {
             index,
             min_y_m: f64::INFINITY,
@@ -243,11 +301,16 @@ impl Gauge {
         };
         Self {
             result,
+            predecessor: index,
+            leader: index,
+            settling: Settling::default(),
+            oscillations: waves.iter().map(Oscillation::new).collect(),
             outside_position_ns: None,
             outside_speed_ns: None,
             outside_lateral_ns: None,
             clearance_m: f64::INFINITY,
             gap_m: f64::INFINITY,
+            standstill_gap_m: f64::INFINITY,
             left_of_line: None,
             returned_ns: None,
             was_behind: [None; OBSTACLES_MAX],
@@ -302,7 +365,10 @@ impl Gauge {
         result.settled_speed_s = settled_s(self.outside_speed_ns, end_ns);
         result.settled_lateral_s = settled_s(self.outside_lateral_ns, end_ns);
         result.min_obstacle_clearance_m = finite(self.clearance_m);
+        result.settled_after_change_s = self.settling.finish_s();
+        result.amplifications = self.oscillations.iter().map(Oscillation::finish).collect();
         result.min_truck_gap_m = finite(self.gap_m);
+        result.min_standstill_gap_m = finite(self.standstill_gap_m);
         if let Some((low_n, high_n)) = asked.force_n {
             result.min_force_n = result.min_force_n.min(low_n);
             result.max_force_n = result.max_force_n.max(high_n);

@@ -26,6 +26,7 @@ use traces::Recorder;
 use crate::channel::Channel;
 use crate::metrics::{Metrics, Sample};
 use crate::obstacle::Obstacle;
+use crate::roster::{Place, Roster};
 use crate::scenario::Scenario;
 use crate::sensor::{Detector, Navigation, Snapshot};
 use crate::truck::{Command, Truck};
@@ -97,6 +98,9 @@ pub struct Rig {
     seed: u64,
     grid: Grid,
     trucks: Vec<Truck>,
+    roster: Roster,
+    /// What every truck is to do now.
+    places: Vec<Place>,
     commands: Vec<Command>,
     nodes: Vec<TruckNode>,
     navigation: Vec<Navigation>,
@@ -143,15 +147,18 @@ impl Rig {
             node.has_ecu = scenario.has_ecu(truck);
             node
         };
-        Ok(Self {
+        let sources = scenario.v2v_sources();
+        let mut rig = Self {
             trucks: (0..count).map(|truck| truck_at_start(scenario, truck)).collect(),
+            roster: Roster::new(scenario),
+            places: vec![Place::default(); count],
             commands: vec![Command::default(); count],
             nodes: buses.into_iter().enumerate().map(node).collect(),
             navigation: (0..count).map(|t| Navigation::new(&scenario.sensors, seed, t)).collect(),
             detectors: (0..count).map(|t| Detector::new(&scenario.sensors, seed, t)).collect(),
             snapshots: vec![Snapshot::default(); count],
-            channel: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
-            plans: Channel::new(&scenario.v2v, count, grid.step_ns, seed),
+            channel: Channel::new(&scenario.v2v, &sources, grid.step_ns, seed),
+            plans: Channel::new(&scenario.v2v, &sources, grid.step_ns, seed),
             metrics: Metrics::new(scenario),
             tap: Tap::new(recorder, keeps_early),
             due: Due::default(),
@@ -161,7 +168,9 @@ impl Rig {
             scenario: scenario.clone(),
             seed,
             grid,
-        })
+        };
+        rig.call_the_roll();
+        Ok(rig)
     }
 
     /// The same rig on buses that carry their messages as another profile does.
@@ -356,9 +365,20 @@ impl Rig {
         }
         self.steps += 1;
         self.tap.time_ns = self.time_ns();
+        self.call_the_roll();
         if self.steps.is_multiple_of(self.grid.steps_per_tick) {
             self.take_snapshots();
         }
+    }
+
+    /// Finds out what every truck is to do now; a change is told at once, and while it goes on.
+    fn call_the_roll(&mut self) {
+        let (time_ns, trucks) = (self.time_ns(), &self.trucks);
+        let time_s = time_ns as f64 * 1e-9;
+        if self.roster.advance(time_s, |truck| trucks[truck].state().x_m) {
+            self.due.mission_ns = time_ns;
+        }
+        self.roster.places(time_s, &mut self.places);
     }
 
     fn measure(&mut self) {
@@ -366,6 +386,7 @@ impl Rig {
         self.metrics.sample(&Sample {
             time_ns,
             trucks: &self.trucks,
+            places: &self.places,
             commands: &self.commands,
             obstacles: &self.scenario.obstacles,
         });
@@ -389,7 +410,6 @@ impl Rig {
 }
 
 fn truck_at_start(scenario: &Scenario, truck: usize) -> Truck {
-    let platoon = &scenario.platoon;
-    let x_m = -(truck as f64) * platoon.spacing_m;
-    Truck::new(scenario.truck(truck), x_m, platoon.desired_y_m, platoon.speed_mps)
+    let start = scenario.start(truck);
+    Truck::new(scenario.truck(truck), start.x_m, start.y_m, start.speed_mps)
 }

@@ -6,6 +6,7 @@
 //! below `law`, which is the ECU's own and passes through untouched.
 
 mod criteria;
+mod event;
 mod leader;
 mod limits;
 mod load;
@@ -17,13 +18,15 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::obstacle::Obstacle;
+use crate::roster;
 use crate::truck::two_track::{DrivenAxles, FrictionPatch, Surroundings, TyreParameters};
 use crate::truck::{
     NOMINAL_MASS_KG, PredictionParameters, Specification, TruckParameters, TwoTrackParameters,
 };
 
 pub use criteria::Criteria;
-pub use leader::{Acceleration, Course, Leader};
+pub use event::Event;
+pub use leader::{Acceleration, Course, Leader, Wave};
 pub use limits::{OBSTACLES_MAX, TRUCKS_MAX};
 pub use load::{ScenarioError, Summary};
 
@@ -61,6 +64,9 @@ pub struct Scenario {
     /// Scripted obstacles, the first one is number 1.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub obstacles: Vec<Obstacle>,
+    /// What changes on the way, in order of time.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub events: Vec<Event>,
     /// What the run is judged by.
     #[serde(default)]
     pub criteria: Criteria,
@@ -75,7 +81,8 @@ pub struct Scenario {
 pub struct Platoon {
     /// How many trucks, the leader included.
     pub trucks: usize,
-    /// Desired distance D between neighbours' CGs \[m\]; also the distance at the start.
+    /// Desired distance D between neighbours' CGs \[m\]; also the distance at the start. Events
+    /// change it, and so the next two.
     pub spacing_m: f64,
     /// Set speed of the leader \[m/s\]; also everybody's speed at the start.
     pub speed_mps: f64,
@@ -171,6 +178,8 @@ pub struct Plant {
     pub power_max_w: f64,
     /// Which axles are driven; two-track only.
     pub driven_axles: DrivenAxles,
+    /// Whether every ECU is told its truck's mass; one that is not believes the nominal truck.
+    pub mass_told: bool,
     /// Factor on the cornering stiffness of the rear tyres; two-track only. 3.09 makes the rear
     /// axle's that of the paper's Table II.
     pub rear_cornering_scale: f64,
@@ -184,6 +193,7 @@ impl Default for Plant {
             friction: TruckParameters::default().friction,
             power_max_w: nominal.power_max_w,
             driven_axles: nominal.driven,
+            mass_told: false,
             rear_cornering_scale: nominal.rear_tyre.cornering_scale,
         }
     }
@@ -217,6 +227,27 @@ pub struct TruckOverride {
     /// Time constant of drive and brake force \[s\].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drive_lag_s: Option<f64>,
+    /// Where its CG starts along the road \[m\]; its slot behind truck 0, which starts at 0, when
+    /// not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_x_m: Option<f64>,
+    /// Where it starts across the road \[m\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_y_m: Option<f64>,
+    /// Its speed at the start \[m/s\].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub start_speed_mps: Option<f64>,
+}
+
+/// Where a truck starts, and how fast.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Start {
+    /// CG along the road \[m\].
+    pub x_m: f64,
+    /// CG across the road \[m\].
+    pub y_m: f64,
+    /// Forward speed \[m/s\].
+    pub speed_mps: f64,
 }
 
 impl Scenario {
@@ -233,10 +264,37 @@ impl Scenario {
         }
     }
 
+    /// How this truck differs from the nominal one.
+    fn of_truck(&self, truck: usize) -> TruckOverride {
+        self.trucks.get(&truck.to_string()).copied().unwrap_or_default()
+    }
+
+    /// Where a truck starts: in its slot, unless its overrides say otherwise.
+    pub fn start(&self, truck: usize) -> Start {
+        let (own, platoon) = (self.of_truck(truck), &self.platoon);
+        Start {
+            x_m: own.start_x_m.unwrap_or(-(truck as f64) * platoon.spacing_m),
+            y_m: own.start_y_m.unwrap_or(platoon.desired_y_m),
+            speed_mps: own.start_speed_mps.unwrap_or(platoon.speed_mps),
+        }
+    }
+
+    /// The mass \[kg\] that the ECU of a truck is told; `None` when it is to believe the nominal
+    /// one.
+    pub fn told_mass_kg(&self, truck: usize) -> Option<f64> {
+        self.of_truck(truck).mass_kg.filter(|_| self.plant.mass_told)
+    }
+
+    /// For every truck, by number, the trucks whose broadcasts reach its ECU: those that it follows
+    /// or that lead it at any time.
+    pub fn v2v_sources(&self) -> Vec<Vec<usize>> {
+        roster::sources(self)
+    }
+
     /// The single-track calibration of one truck, its overrides applied.
     pub fn truck_parameters(&self, truck: usize) -> TruckParameters {
         let nominal = TruckParameters::default();
-        let own = self.trucks.get(&truck.to_string()).copied().unwrap_or_default();
+        let own = self.of_truck(truck);
         TruckParameters::new(
             own.mass_kg.unwrap_or(NOMINAL_MASS_KG),
             own.drive_lag_s.unwrap_or(nominal.drive_lag_s),
@@ -268,11 +326,6 @@ impl Scenario {
     /// Whether an ECU drives this truck; a scripted leader has none.
     pub fn has_ecu(&self, truck: usize) -> bool {
         truck > 0 || self.leader.is_none()
-    }
-
-    /// The speed the platoon is to have in the end \[m/s\].
-    pub fn final_speed_mps(&self) -> f64 {
-        self.platoon.speed_mps + self.leader.as_ref().map_or(0.0, Leader::gain_mps)
     }
 
     /// How long it runs \[ns\] of bench time.

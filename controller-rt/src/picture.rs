@@ -30,6 +30,8 @@ pub const OBSTACLE_FRESH_NS: u64 = 100_000_000;
 /// An obstacle unseen for four reports is lost \[ns\].
 pub const OBSTACLE_LOST_NS: u64 = 200_000_000;
 
+/// Trucks a mission can name.
+const TRUCKS_MAX: usize = 16;
 /// `Obstacle::member` of what is no platoon truck.
 const NO_MEMBER: u8 = 255;
 /// The longest plausible loop period \[ns\], 10 Hz; a longer or zero one is refused.
@@ -75,10 +77,10 @@ pub struct Picture {
     began_ns: Option<u64>,
     mission: Option<Mission>,
     ego: Option<EgoState>,
-    leader: Option<V2vState>,
-    predecessor: Option<V2vState>,
-    leader_plan: Option<V2vTrajectory>,
-    predecessor_plan: Option<V2vTrajectory>,
+    /// By sender: a truck that is told to follow another one has heard it before.
+    heard: [Option<V2vState>; TRUCKS_MAX],
+    /// The plans they announced, likewise.
+    plans: [Option<V2vTrajectory>; TRUCKS_MAX],
     obstacles: [Option<Obstacle>; OBSTACLES_MAX],
 }
 
@@ -91,10 +93,8 @@ impl Picture {
             began_ns: None,
             mission: None,
             ego: None,
-            leader: None,
-            predecessor: None,
-            leader_plan: None,
-            predecessor_plan: None,
+            heard: [None; TRUCKS_MAX],
+            plans: [None; TRUCKS_MAX],
             obstacles: [None; OBSTACLES_MAX],
         }
     }
@@ -144,18 +144,21 @@ impl Picture {
         Noted::Used
     }
 
-    /// Only the leader's and the predecessor's states are for a follower; truck 1 has both in one.
     fn note_v2v(&mut self, state: &V2vState) -> Noted {
         let older = |held: &V2vState| held.generation_time_ns < state.generation_time_ns;
-        let places = [&mut self.leader, &mut self.predecessor];
-        note_heard(self.truck, state.source_truck, places, state, older)
+        note_heard(self.truck, state.source_truck, &mut self.heard, state, older)
     }
 
     /// The same for announced plans.
     fn note_plan(&mut self, plan: &V2vTrajectory) -> Noted {
         let older = |held: &V2vTrajectory| held.generation_time_ns < plan.generation_time_ns;
-        let places = [&mut self.leader_plan, &mut self.predecessor_plan];
-        note_heard(self.truck, plan.source_truck, places, plan, older)
+        note_heard(self.truck, plan.source_truck, &mut self.plans, plan, older)
+    }
+
+    /// The newest state of a truck this one follows, unless it is lost.
+    fn followed(&self, truck: u8, now_ns: u64) -> Option<V2vState> {
+        let state = of_others(self.truck, truck, &self.heard)?;
+        Some(state).filter(|state| v2v_freshness(state, now_ns) != Freshness::Lost)
     }
 
     fn note_obstacle(&mut self, obstacle: &Obstacle) -> Noted {
@@ -220,15 +223,15 @@ impl Picture {
         if self.ego_freshness(now_ns) != Freshness::Fresh {
             return None;
         }
-        let alive = |state: Option<V2vState>| {
-            state.filter(|state| v2v_freshness(state, now_ns) != Freshness::Lost)
-        };
-        let (leader, predecessor) = (alive(self.leader), alive(self.predecessor));
+        let leader = self.followed(mission.leader_truck, now_ns);
+        let predecessor = self.followed(mission.predecessor_truck, now_ns);
+        let planned = |truck: u8| announced(of_others(self.truck, truck, &self.plans), now_ns);
         // Nobody has been heard at the start, for a delay's time; that is no sign of a dead radio.
-        let is_early =
-            self.began_ns.is_none_or(|began_ns| now_ns.saturating_sub(began_ns) < V2V_LOST_NS);
+        let is_early = mission.place > 0
+            && self.began_ns.is_none_or(|began_ns| now_ns.saturating_sub(began_ns) < V2V_LOST_NS);
         let platoon = Platoon {
-            truck: self.truck,
+            leader: (mission.place > 0).then_some(mission.leader_truck),
+            predecessor: (mission.place > 0).then_some(mission.predecessor_truck),
             own_x_m: ego.position_x_m,
             hears_leader: leader.is_some() || is_early,
             predecessor_x_m: match (predecessor, is_early) {
@@ -243,8 +246,8 @@ impl Picture {
             leader: leader.as_ref().map(broadcast),
             predecessor: predecessor.as_ref().map(broadcast),
             plans: Plans {
-                leader: announced(self.leader_plan.as_ref(), now_ns),
-                predecessor: announced(self.predecessor_plan.as_ref(), now_ns),
+                leader: planned(mission.leader_truck),
+                predecessor: planned(mission.predecessor_truck),
             },
             obstacles: self.obstacles.map(|held| {
                 let obstacle = held.filter(|held| obstacle_is_alive(held, now_ns))?;
@@ -268,22 +271,23 @@ impl Picture {
     }
 }
 
-/// Puts a radio message of truck `source` into the places, leader's and predecessor's, of `truck`.
+/// Puts a radio message of truck `source` into its place, unless that is `own`.
 fn note_heard<T: Copy>(
-    truck: u8,
+    own: u8,
     source: u8,
-    [leader, predecessor]: [&mut Option<T>; 2],
+    places: &mut [Option<T>; TRUCKS_MAX],
     message: &T,
     older: impl Fn(&T) -> bool,
 ) -> Noted {
-    let mut noted = Noted::NotMine;
-    if truck != 0 && source == 0 {
-        noted = replace(leader, message, &older);
+    match places.get_mut(usize::from(source)).filter(|_| source != own) {
+        Some(held) => replace(held, message, older),
+        None => Noted::NotMine,
     }
-    if truck != 0 && source == truck - 1 {
-        noted = replace(predecessor, message, &older);
-    }
-    noted
+}
+
+/// What truck `source` last sent; nothing for `own`, which a leader follows by name.
+fn of_others<T: Copy>(own: u8, source: u8, places: &[Option<T>; TRUCKS_MAX]) -> Option<T> {
+    places.get(usize::from(source)).copied().flatten().filter(|_| source != own)
 }
 
 /// Puts `message` into its place unless the held one is not `older`.
@@ -308,29 +312,33 @@ fn obstacle_is_alive(obstacle: &Obstacle, now_ns: u64) -> bool {
 /// This truck's place among the others, as far as it knows.
 #[derive(Debug, Clone, Copy)]
 struct Platoon {
-    truck: u8,
+    /// The truck that leads, and the one that this truck follows; none when it leads.
+    leader: Option<u8>,
+    predecessor: Option<u8>,
     own_x_m: f64,
     /// The leader's V2V lives.
     hears_leader: bool,
-    /// Where the predecessor is, while its V2V lives or has not had time to be heard.
+    /// Where the predecessor is, while its V2V lives or has not had time to be heard; `None` for a
+    /// truck that leads.
     predecessor_x_m: Option<f64>,
 }
 
 impl Platoon {
-    /// Whether keeping a distance to this platoon truck is somebody's business already.
+    /// Whether keeping a distance to this truck is somebody's business already.
     ///
     /// Platoon trucks are kept apart by the coordination layer while their V2V lives; as obstacles
     /// besides they would push the platoon apart.
     /// - Leader and predecessor are looked after while their own V2V lives.
     /// - A truck ahead that is neither is the predecessor's business while that lives and is
-    ///   between. Once the predecessor has passed it, it is in this truck's way.
-    /// - A truck that belongs behind is looked after by itself while it is there.
+    ///   between, whatever platoon it belongs to. Once the predecessor has passed it, or when there
+    ///   is no predecessor, it is in this truck's way.
+    /// - A truck behind looks after itself while it is there.
     fn looks_after(&self, obstacle: &Obstacle) -> bool {
         match obstacle.member {
             NO_MEMBER => false,
-            member if member >= self.truck => obstacle.position_x_m < self.own_x_m,
-            member if member == self.truck - 1 => self.predecessor_x_m.is_some(),
-            0 => self.hears_leader,
+            member if Some(member) == self.predecessor => self.predecessor_x_m.is_some(),
+            member if Some(member) == self.leader => self.hears_leader,
+            _ if obstacle.position_x_m < self.own_x_m => true,
             _ => self.predecessor_x_m.is_some_and(|x_m| x_m < obstacle.position_x_m),
         }
     }
@@ -388,9 +396,12 @@ fn own_state(ego: &EgoState) -> Ego {
 
 fn plan(mission: &Mission) -> law::Mission {
     law::Mission {
-        truck: mission.truck_index,
+        truck: mission.place,
         trucks: mission.platoon_size,
+        leader: mission.leader_truck,
+        predecessor: mission.predecessor_truck,
         spacing_m: mission.spacing_m,
+        leader_distance_m: mission.leader_distance_m,
         set_speed_mps: mission.set_speed_mps,
         desired_y_m: mission.desired_y_m,
         lane_width_m: mission.lane_width_m,
@@ -400,7 +411,7 @@ fn plan(mission: &Mission) -> law::Mission {
 }
 
 /// A plan that is not lost.
-fn announced(heard: Option<&V2vTrajectory>, now_ns: u64) -> Option<Plan> {
+fn announced(heard: Option<V2vTrajectory>, now_ns: u64) -> Option<Plan> {
     let heard = heard?;
     let is_lost = now_ns.saturating_sub(heard.generation_time_ns) > PLAN_LOST_NS;
     let plan = Plan::from_speeds(heard.generation_time_ns, heard.position_x_m, &heard.speed_mps);

@@ -10,9 +10,9 @@ use crate::outbox::OutboxState;
 use crate::picture::Picture;
 
 /// Format of the bytes; a replay refuses another.
-const VERSION: u8 = 4;
-/// Room for the picture: twelve messages of at most a hundred bytes, and two plans of two hundred.
-const PICTURE_BYTES: usize = 2048;
+const VERSION: u8 = 5;
+/// Room for the picture: 26 messages of at most a hundred bytes, and 16 plans of two hundred.
+const PICTURE_BYTES: usize = 6144;
 /// Room for a controller's memory.
 const CONTROLLER_BYTES: usize = 32 * 1024;
 /// Room for guard, encoder and decoder: a decoder with parts of every message in flight is largest.

@@ -401,7 +401,8 @@ fn ecu_arguments(
     cpu: Option<usize>,
 ) -> Vec<String> {
     let mut words = vec!["controller".into(), "--truck".into(), truck.to_string()];
-    words.extend(["--law".into(), path_word(&folder.law())]);
+    let law = if plan.is_told(truck) { folder.law_of(truck) } else { folder.law() };
+    words.extend(["--law".into(), path_word(&law)]);
     words.extend(["--trucks".into(), plan.trucks().to_string()]);
     words.extend(common_arguments(plan, folder, bus, cpu));
     words

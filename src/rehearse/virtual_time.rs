@@ -282,12 +282,13 @@ fn ecu(
     end: Loopback,
 ) -> Result<Ecu, Failure> {
     let recorder = setting.recorder(Source::Ecu(truck), vec![end.name().to_owned()])?;
-    let law = calibration::controller(experiment.calibration, experiment.solver);
+    let believed = calibration::of_truck(&experiment.calibration, experiment.scenario, truck);
+    let law = calibration::controller(believed, experiment.solver);
     let config = Config {
         truck,
         gain_id: experiment.gain_id,
         profile: setting.profile,
-        vehicle: calibration::vehicle(&experiment.calibration),
+        vehicle: calibration::vehicle(&believed),
         without_emergency_braking: experiment.without_emergency_braking,
         ..Config::default()
     };

@@ -16,6 +16,7 @@ mod real_time;
 mod rehearsal;
 mod repository;
 mod responses;
+mod rosters;
 mod tidy;
 mod usage;
 mod vcan_interfaces;

@@ -313,6 +313,10 @@ fn mission(truck: u8) -> dbc::Mission {
         right_edge_y_m: 0.0,
         left_edge_y_m: 8.0,
         loop_period_ns: TICK_NS as u32,
+        place: truck,
+        leader_truck: 0,
+        predecessor_truck: truck.saturating_sub(1),
+        leader_distance_m: 25.0 * f64::from(truck),
     }
 }
 

@@ -83,6 +83,16 @@ fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
             judged.push(Criterion::at_most(name, limit, worst));
         }
     }
+    let waves = || trucks.iter().flat_map(|truck| &truck.amplifications);
+    if let Some(limit) = limits.max_leader_amplification {
+        let worst = waves().filter_map(|wave| wave.leader_ratio).max_by(f64::total_cmp);
+        judged.push(Criterion::at_most("max_leader_amplification", limit, worst));
+    }
+    if let Some(limit) = limits.max_amplification {
+        // With a single follower there is nobody to make a wave larger.
+        let worst = waves().filter_map(|wave| wave.ratio).max_by(f64::total_cmp).unwrap_or(0.0);
+        judged.push(Criterion::at_most("max_amplification", limit, Some(worst)));
+    }
     if let Some(limit) = limits.max_off_centre_m {
         let off = trucks.iter().filter_map(|t| t.max_abs_off_centre_m);
         // A truck that never passed anything cannot be off centre after passing.
@@ -92,9 +102,10 @@ fn judge_upper_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 }
 
 fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
-    let table: [(&str, Option<f64>, MaybeMeasure); 4] = [
+    let table: [(&str, Option<f64>, MaybeMeasure); 5] = [
         ("min_clearance_m", limits.min_clearance_m, |t| t.min_obstacle_clearance_m),
         ("min_truck_gap_m", limits.min_truck_gap_m, |t| t.min_truck_gap_m),
+        ("min_standstill_gap_m", limits.min_standstill_gap_m, |t| t.min_standstill_gap_m),
         ("min_y_m", limits.min_y_m, |t| Some(t.min_y_m)),
         ("min_force_n", limits.min_force_n, |t| Some(t.min_force_n)),
     ];
@@ -107,10 +118,11 @@ fn judge_lower_limits(limits: &Criteria, trucks: &[TruckResult], judged: &mut Ve
 }
 
 fn judge_settling(limits: &Criteria, trucks: &[TruckResult], judged: &mut Vec<Criterion>) {
-    let table: [(&str, Option<f64>, MaybeMeasure); 3] = [
+    let table: [(&str, Option<f64>, MaybeMeasure); 4] = [
         ("settled_position_s", limits.settled_position_s, |t| t.settled_position_s),
         ("settled_speed_s", limits.settled_speed_s, |t| t.settled_speed_s),
         ("settled_lateral_s", limits.settled_lateral_s, |t| t.settled_lateral_s),
+        ("settled_after_change_s", limits.settled_after_change_s, |t| t.settled_after_change_s),
     ];
     for (name, limit, measure) in table {
         if let Some(limit) = limit {

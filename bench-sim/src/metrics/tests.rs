@@ -1,6 +1,7 @@
 //! The measurements on hand-made motions.
 
 use super::*;
+use crate::roster::Roster;
 use crate::truck::TruckParameters;
 
 fn scenario() -> Scenario {
@@ -14,10 +15,12 @@ fn truck(x_m: f64, y_m: f64, forward_mps: f64) -> Truck {
 /// Samples a platoon whose trucks are given per instant, one second apart, obstacle-free.
 fn measure(instants: &[Vec<Truck>], obstacles: &[Obstacle]) -> Vec<TruckResult> {
     let mut metrics = Metrics::new(&scenario());
-    let commands = vec![Command::default(); 4];
+    let mut places = [Place::default(); 4];
+    Roster::new(&scenario()).places(0.0, &mut places);
+    let (places, commands) = (&places[..], vec![Command::default(); 4]);
     for (second, trucks) in instants.iter().enumerate() {
         let time_ns = second as u64 * 1_000_000_000;
-        metrics.sample(&Sample { time_ns, trucks, commands: &commands, obstacles });
+        metrics.sample(&Sample { time_ns, trucks, places, commands: &commands, obstacles });
     }
     metrics.results([(&CommandRange::default(), 0); 4].into_iter())
 }

@@ -4,6 +4,8 @@ use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize};
 use toml::Value;
 
+use crate::transition::Transition;
+
 /// One smooth change of lateral position: a quintic with zero lateral speed and acceleration at
 /// both ends, the usual lane change.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -30,14 +32,11 @@ pub struct SpeedChange {
 }
 
 impl LaneChange {
-    /// Lateral position \[m\] and speed \[m/s\]: `y0 + (y1 - y0) (10 p³ - 15 p⁴ + 6 p⁵)`.
+    /// Lateral position \[m\] and speed \[m/s\].
     fn position(&self, from_y_m: f64, time_s: f64) -> (f64, f64) {
-        let span_s = self.until_s - self.from_s;
-        let p = ((time_s - self.from_s) / span_s).clamp(0.0, 1.0);
-        let shape = p * p * p * (10.0 + p * (6.0 * p - 15.0));
-        let slope = 30.0 * p * p * (1.0 - p) * (1.0 - p);
-        let change_m = self.to_y_m - from_y_m;
-        (from_y_m + change_m * shape, change_m * slope / span_s)
+        let Self { to_y_m: to, from_s, until_s } = *self;
+        let change = Transition { from: from_y_m, to, from_s, until_s };
+        (change.value(time_s), change.rate(time_s))
     }
 }
 

@@ -10,12 +10,14 @@ use super::Rig;
 use crate::metrics::errors;
 use crate::obstacle::Kind;
 use crate::sensor::Surroundings;
-use crate::truck::{FRONT_OVERHANG_M, REAR_OVERHANG_M, WIDTH_M};
+use crate::truck::{FRONT_OVERHANG_M, REAR_OVERHANG_M, Truck, WIDTH_M};
 
 /// Time between reports of the obstacles \[ns\].
 const OBSTACLE_PERIOD_NS: u64 = 50_000_000;
 /// Time between missions \[ns\].
 const MISSION_PERIOD_NS: u64 = 1_000_000_000;
+/// The same while a number in them moves \[ns\].
+const MOVING_MISSION_PERIOD_NS: u64 = 20_000_000;
 /// Time between trajectories of a scripted leader \[ns\], and between the points of one \[s\].
 const PLAN_PERIOD_NS: u64 = V2vTrajectory::CYCLE_TIME_MS as u64 * 1_000_000;
 const PLAN_STEP_S: f64 = 0.1;
@@ -44,6 +46,22 @@ pub(super) fn relayed_plan(source: usize, heard: &V2vTrajectoryOut) -> V2vTrajec
         generation_time_ns: heard.generation_time_ns,
         position_x_m: heard.position_x_m,
         speed_mps: heard.speed_mps,
+    }
+}
+
+/// What a truck that follows a script would hand its radio.
+fn scripted_broadcast(truck: &Truck, now_ns: u64, sequence: u16) -> V2vOut {
+    let (state, accel_mps2) = (truck.state(), truck.acceleration().forward_mps2);
+    V2vOut {
+        sequence,
+        generation_time_ns: now_ns,
+        position_x_m: state.x_m,
+        position_y_m: state.y_m,
+        heading_rad: state.heading_rad,
+        speed_mps: state.forward_mps,
+        yaw_rate_radps: state.yaw_radps,
+        accel_mps2,
+        intended_accel_mps2: accel_mps2,
     }
 }
 
@@ -78,19 +96,9 @@ impl Rig {
             return;
         }
         let period_ns = (self.scenario.v2v.period_s * 1e9) as u64;
-        let (state, accel_mps2) =
-            (self.trucks[0].state(), self.trucks[0].acceleration().forward_mps2);
-        let message = V2vState {
-            source_truck: 0,
-            sequence: (now_ns / period_ns.max(1)) as u16,
-            generation_time_ns: now_ns,
-            position_x_m: state.x_m,
-            position_y_m: state.y_m,
-            speed_mps: state.forward_mps,
-            accel_mps2,
-            intended_accel_mps2: accel_mps2,
-        };
-        self.channel.broadcast(0, now_ns, now_ns, message);
+        let sequence = (now_ns / period_ns.max(1)) as u16;
+        let said = scripted_broadcast(&self.trucks[0], now_ns, sequence);
+        self.channel.broadcast(0, now_ns, now_ns, relayed(0, &said));
         self.due.leader_ns = next_ns(now_ns, period_ns.max(1));
     }
 
@@ -115,23 +123,30 @@ impl Rig {
 
     /// Sends every ECU its mission, whether or not it is due.
     pub(super) fn publish_mission(&mut self) {
-        let (platoon, road) = (&self.scenario.platoon, &self.scenario.road);
-        for (truck, node) in self.nodes.iter_mut().enumerate() {
+        let road = &self.scenario.road;
+        for ((truck, node), place) in self.nodes.iter_mut().enumerate().zip(&self.places) {
             let mission = Mission {
                 truck_index: truck as u8,
-                platoon_size: platoon.trucks as u8,
+                platoon_size: place.size as u8,
                 run_state: self.run_state,
-                spacing_m: platoon.spacing_m,
-                set_speed_mps: platoon.speed_mps,
-                desired_y_m: platoon.desired_y_m,
+                spacing_m: place.spacing_m,
+                set_speed_mps: place.speed_mps,
+                desired_y_m: place.desired_y_m,
                 lane_width_m: road.lane_width_m,
                 right_edge_y_m: road.right_edge_y_m,
                 left_edge_y_m: road.left_edge_y_m,
                 loop_period_ns: (self.grid.step_ns * self.grid.steps_per_tick) as u32,
+                place: place.place as u8,
+                leader_truck: place.leader as u8,
+                predecessor_truck: place.predecessor as u8,
+                leader_distance_m: place.leader_distance_m,
             };
             node.send(&Message::Mission(mission), &mut self.tap);
         }
-        self.due.mission_ns = next_ns(self.steps * self.grid.step_ns, MISSION_PERIOD_NS);
+        let now_ns = self.time_ns();
+        let is_moving = self.roster.is_moving(now_ns as f64 * 1e-9);
+        let period_ns = if is_moving { MOVING_MISSION_PERIOD_NS } else { MISSION_PERIOD_NS };
+        self.due.mission_ns = next_ns(now_ns, period_ns);
     }
 
     fn publish_obstacles(&mut self) {
@@ -205,7 +220,8 @@ impl Rig {
     fn truck_truth(&self, index: usize) -> TruckTruth {
         let (truck, command) = (&self.trucks[index], &self.commands[index]);
         let (state, acceleration) = (truck.state(), truck.acceleration());
-        let errors = errors(&self.trucks, index, self.scenario.platoon.spacing_m);
+        let place = &self.places[index];
+        let errors = errors(&self.trucks, index, place);
         let delay_s = |from| self.channel.newest_delay_s(from, index).unwrap_or(0.0);
         TruckTruth {
             x_m: state.x_m,
@@ -223,8 +239,8 @@ impl Rig {
             leader_error_m: errors.leader_m,
             predecessor_error_m: errors.predecessor_m,
             obstacle_clearance_m: self.clearance_m(index),
-            leader_delay_s: delay_s(0),
-            predecessor_delay_s: index.checked_sub(1).map_or(0.0, delay_s),
+            leader_delay_s: delay_s(place.leader),
+            predecessor_delay_s: delay_s(place.predecessor),
             front_m: FRONT_OVERHANG_M,
             rear_m: REAR_OVERHANG_M,
             width_m: WIDTH_M,

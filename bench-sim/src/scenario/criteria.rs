@@ -24,12 +24,26 @@ pub struct Criteria {
     pub settled_lateral_s: Option<f64>,
     /// Half-width of the band that counts as settled \[m\].
     pub settled_lateral_band_m: f64,
+    /// How long after a change of the roster every truck may take to settle within all three bands
+    /// \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub settled_after_change_s: Option<f64>,
+    /// Largest ratio of a truck's speed amplitude to the leader's, at any wave of its script.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_leader_amplification: Option<f64>,
+    /// Largest ratio of a truck's speed amplitude to that of the truck ahead, when that is not the
+    /// leader, at any wave of the leader's script.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_amplification: Option<f64>,
     /// Least distance between a truck's box and an obstacle's \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_clearance_m: Option<f64>,
     /// Least distance between two trucks' boxes \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub min_truck_gap_m: Option<f64>,
+    /// Least distance between the boxes of a truck that stands still and another \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub min_standstill_gap_m: Option<f64>,
     /// Largest |road-wheel angle|, asked for or reached \[rad\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_steer_rad: Option<f64>,
@@ -85,8 +99,12 @@ impl Default for Criteria {
             settled_speed_band_mps: 0.2,
             settled_lateral_s: None,
             settled_lateral_band_m: 0.3,
+            settled_after_change_s: None,
+            max_leader_amplification: None,
+            max_amplification: None,
             min_clearance_m: None,
             min_truck_gap_m: None,
+            min_standstill_gap_m: None,
             max_steer_rad: None,
             max_lateral_accel_mps2: None,
             lane_crossings: None,

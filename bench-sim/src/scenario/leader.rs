@@ -2,7 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::truck::scripted::{PHASES_MAX, Phase, Shape};
+use crate::truck::TruckState;
+use crate::truck::scripted::{PHASES_MAX, Phase, Scripted, Shape};
+
+/// Step of the integral over a script \[s\].
+const STEP_S: f64 = 1e-3;
 
 /// The leader drives by this script and has no ECU.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -27,6 +31,20 @@ pub struct Acceleration {
     pub shape: Course,
     /// Whole periods of a sine within the stretch.
     #[serde(default = "one")]
+    pub periods: u32,
+    /// How long a constant acceleration takes to build up, and at the end to fade \[s\].
+    #[serde(default)]
+    pub rise_s: f64,
+}
+
+/// Waves within a stretch of acceleration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Wave {
+    /// When they begin \[s\].
+    pub from_s: f64,
+    /// When they end \[s\].
+    pub until_s: f64,
+    /// How many whole periods there are.
     pub periods: u32,
 }
 
@@ -53,16 +71,28 @@ impl Leader {
         phases
     }
 
-    /// What the whole script adds to the speed \[m/s\].
-    pub fn gain_mps(&self) -> f64 {
-        self.accelerations.iter().map(|a| a.phase().gain_mps()).sum()
+    /// Its sine waves, in the order of the script.
+    pub fn waves(&self) -> impl Iterator<Item = Wave> {
+        let sines = self.accelerations.iter().filter(|a| a.shape == Course::Sine);
+        sines.map(|a| Wave { from_s: a.from_s, until_s: a.until_s, periods: a.periods })
+    }
+
+    /// The speed the script ends with, when it begins with this one \[m/s\].
+    pub fn final_speed_mps(&self, forward_mps: f64) -> f64 {
+        let mut truck =
+            Scripted::new(&self.phases(), TruckState { forward_mps, ..TruckState::default() });
+        let end_s = self.accelerations.iter().map(|a| a.until_s).fold(0.0, f64::max);
+        for _ in 0..libm::ceil(end_s / STEP_S) as u64 {
+            truck.step(STEP_S);
+        }
+        truck.state().forward_mps
     }
 }
 
 impl Acceleration {
     fn phase(&self) -> Phase {
         let shape = match self.shape {
-            Course::Constant => Shape::Constant,
+            Course::Constant => Shape::Constant { rise_s: self.rise_s },
             Course::HalfSine => Shape::HalfSine,
             Course::Sine => Shape::Sine { periods: self.periods },
         };

@@ -3,8 +3,10 @@
 //! The ranges are what the bench can represent and simulate, not what is sensible to drive.
 
 use super::load::ScenarioError;
-use super::{Model, Plant, Road, Scenario};
+use super::{Course, Event, Model, Plant, Road, Scenario};
 use crate::obstacle::Obstacle;
+use crate::roster::Roster;
+use crate::transition::PEAK_RATE;
 use crate::truck::scripted::PHASES_MAX;
 use crate::truck::two_track::FRICTION_PATCHES_MAX;
 
@@ -25,6 +27,19 @@ const SIDE_MAX_M: f64 = 100.0;
 
 /// Shortest V2V period \[s\]: how often an ECU broadcasts.
 const V2V_PERIOD_MIN_S: f64 = 0.02;
+
+/// Shortest distance between neighbours' CGs that can be asked for \[m\]: a truck is 7.7 m long.
+const SPACING_MIN_M: f64 = 8.0;
+
+/// Longest distance between neighbours' CGs that can be asked for \[m\].
+const SPACING_MAX_M: f64 = 1000.0;
+
+/// Fastest change of a distance that is asked for \[m/s\]: what the speed reference may exceed the
+/// leader's by.
+const SPACING_RATE_MAX_MPS: f64 = 4.0;
+
+/// Least time for a change of distance or lane \[s\].
+const CHANGE_MIN_S: f64 = 1.0;
 
 /// Finds what is wrong with one scenario, naming the file, the key, the value and what is allowed.
 pub(super) struct Checker<'a> {
@@ -50,6 +65,7 @@ impl<'a> Checker<'a> {
         self.within("sensors.behind_m", s.sensors.behind_m, 0.0, 500.0)?;
         self.check_trucks(s)?;
         self.check_obstacles(s)?;
+        self.check_events(s)?;
         self.check_criteria(s)
     }
 
@@ -59,7 +75,7 @@ impl<'a> Checker<'a> {
             let allowed = format!("1 to {TRUCKS_MAX}");
             return Err(self.impossible("platoon.trucks", p.trucks, allowed));
         }
-        self.within("platoon.spacing_m", p.spacing_m, 8.0, 1000.0)?;
+        self.within("platoon.spacing_m", p.spacing_m, SPACING_MIN_M, SPACING_MAX_M)?;
         self.within("platoon.speed_mps", p.speed_mps, 0.0, SPEED_MAX_MPS)?;
         self.within("platoon.desired_y_m", p.desired_y_m, -SIDE_MAX_M, SIDE_MAX_M)
     }
@@ -77,6 +93,9 @@ impl<'a> Checker<'a> {
             self.within(&key("until_s"), stretch.until_s, stretch.from_s + 1e-3, 3600.0)?;
             self.within(&key("accel_mps2"), stretch.accel_mps2, -10.0, 10.0)?;
             self.within(&key("periods"), f64::from(stretch.periods), 1.0, 1000.0)?;
+            let flat = stretch.shape == Course::Constant;
+            let longest_s = if flat { 0.5 * (stretch.until_s - stretch.from_s) } else { 0.0 };
+            self.within(&key("rise_s"), stretch.rise_s, 0.0, longest_s)?;
         }
         Ok(())
     }
@@ -171,6 +190,16 @@ impl<'a> Checker<'a> {
             if let Some(lag_s) = truck.drive_lag_s {
                 self.within(&format!("trucks.{name}.drive_lag_s"), lag_s, 0.01, 5.0)?;
             }
+            let starts = [
+                ("start_x_m", truck.start_x_m, -100_000.0, 100_000.0),
+                ("start_y_m", truck.start_y_m, -SIDE_MAX_M, SIDE_MAX_M),
+                ("start_speed_mps", truck.start_speed_mps, 0.0, SPEED_MAX_MPS),
+            ];
+            for (field, value, low, high) in starts {
+                if let Some(value) = value {
+                    self.within(&format!("trucks.{name}.{field}"), value, low, high)?;
+                }
+            }
         }
         Ok(())
     }
@@ -204,8 +233,8 @@ impl<'a> Checker<'a> {
             let key = |field: &str| key(&format!("lane_change.{}.{field}", index + 1));
             self.within(&key("to_y_m"), change.to_y_m, -SIDE_MAX_M, SIDE_MAX_M)?;
             self.within(&key("from_s"), change.from_s, free_s, 3600.0)?;
-            // The quintic's peak speed is 15/8 of its mean; the messages carry up to 52 m/s.
-            let shortest_s = 1.875 * (change.to_y_m - y_m).abs() / SPEED_MAX_MPS;
+            // The messages carry up to 52 m/s.
+            let shortest_s = PEAK_RATE * (change.to_y_m - y_m).abs() / SPEED_MAX_MPS;
             let earliest_s = change.from_s + shortest_s.max(0.1);
             self.within(&key("until_s"), change.until_s, earliest_s, 7200.0)?;
             (y_m, free_s) = (change.to_y_m, change.until_s);
@@ -233,6 +262,96 @@ impl<'a> Checker<'a> {
         Ok(())
     }
 
+    fn check_events(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let mut before_s = 0.0;
+        for (index, event) in s.events.iter().enumerate() {
+            let key = |field: &str| format!("events.{}.{field}", index + 1);
+            // One after the end does nothing: a run may be shortened.
+            self.within(&key("at_s"), event.at_s, before_s, 3600.0)?;
+            before_s = event.at_s;
+            self.check_event(s, event, key)?;
+        }
+        self.check_rosters(s)
+    }
+
+    fn check_event(
+        &self,
+        s: &Scenario,
+        event: &Event,
+        key: impl Fn(&str) -> String,
+    ) -> Result<(), ScenarioError> {
+        let last = s.platoon.trucks - 1;
+        let first = usize::from(!s.has_ecu(0));
+        if !(first..=last).contains(&event.truck) {
+            let allowed = format!("{first} to {last}: the trucks that an ECU drives");
+            return Err(self.impossible(&key("truck"), event.truck, allowed));
+        }
+        if let Some(ahead) = event.follows.filter(|&f| f > last || f == event.truck || event.leads)
+        {
+            let allowed = format!("another truck, 0 to {last}; none for a truck that leads");
+            return Err(self.impossible(&key("follows"), ahead, allowed));
+        }
+        let numbers = [
+            ("spacing_m", event.spacing_m, SPACING_MIN_M, SPACING_MAX_M),
+            ("speed_mps", event.speed_mps, 0.0, SPEED_MAX_MPS),
+            ("desired_y_m", event.desired_y_m, -SIDE_MAX_M, SIDE_MAX_M),
+        ];
+        for (field, value, low, high) in numbers {
+            if let Some(value) = value {
+                self.within(&key(field), value, low, high)?;
+            }
+        }
+        // A truck cannot jump to another distance or lane; a set speed may.
+        let jumps = event.at_s > 0.0 && (event.changes_distance() || event.desired_y_m.is_some());
+        let least_s = if jumps { CHANGE_MIN_S } else { 0.0 };
+        self.within(&key("over_s"), event.over_s, least_s, 3600.0)
+    }
+
+    /// Plays the events and refuses what no road can show.
+    fn check_rosters(&self, s: &Scenario) -> Result<(), ScenarioError> {
+        let mut roster = Roster::new(s);
+        for (index, event) in s.events.iter().enumerate() {
+            let key = |field: &str| format!("events.{}.{field}", index + 1);
+            let followed = roster.follows(event.truck);
+            let asked_m = roster.place(event.truck, event.at_s).spacing_m;
+            roster.apply(event, |_| 0.0);
+            let follows = roster.follows(event.truck);
+            if let Some(spacing_m) = event.spacing_m {
+                if follows.is_none() {
+                    let allowed = "none for a truck that follows nobody".to_owned();
+                    return Err(self.impossible(&key("spacing_m"), spacing_m, allowed));
+                }
+                if follows == followed && event.at_s > 0.0 {
+                    let change_m = (spacing_m - asked_m).abs();
+                    let shortest_s = PEAK_RATE * change_m / SPACING_RATE_MAX_MPS;
+                    self.within(&key("over_s"), event.over_s, shortest_s, 3600.0)?;
+                }
+            }
+            // Trucks that change places do so by several events of one instant.
+            if s.events.get(index + 1).is_none_or(|next| next.at_s > event.at_s) {
+                self.check_roster(s.platoon.trucks, &roster, &key("follows"))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses circles, and two trucks in one slot.
+    fn check_roster(&self, trucks: usize, roster: &Roster, key: &str) -> Result<(), ScenarioError> {
+        for truck in 0..trucks {
+            let Some(ahead) = roster.follows(truck) else { continue };
+            let is_circle = (0..trucks).try_fold(truck, |at, _| roster.follows(at)).is_some();
+            if is_circle {
+                let allowed = format!("a truck that truck {truck} does not follow itself");
+                return Err(self.impossible(key, ahead, allowed));
+            }
+            if (0..truck).any(|other| roster.follows(other) == Some(ahead)) {
+                let allowed = "at most one truck behind each".to_owned();
+                return Err(self.impossible(key, ahead, allowed));
+            }
+        }
+        Ok(())
+    }
+
     fn check_criteria(&self, s: &Scenario) -> Result<(), ScenarioError> {
         let c = &s.criteria;
         let limits = [
@@ -243,8 +362,12 @@ impl<'a> Checker<'a> {
             ("settled_speed_band_mps", Some(c.settled_speed_band_mps), 0.0),
             ("settled_lateral_s", c.settled_lateral_s, 0.0),
             ("settled_lateral_band_m", Some(c.settled_lateral_band_m), 0.0),
+            ("settled_after_change_s", c.settled_after_change_s, 0.0),
+            ("max_leader_amplification", c.max_leader_amplification, 0.0),
+            ("max_amplification", c.max_amplification, 0.0),
             ("min_clearance_m", c.min_clearance_m, -1e6),
             ("min_truck_gap_m", c.min_truck_gap_m, -1e6),
+            ("min_standstill_gap_m", c.min_standstill_gap_m, -1e6),
             ("max_steer_rad", c.max_steer_rad, 0.0),
             ("max_lateral_accel_mps2", c.max_lateral_accel_mps2, 0.0),
             ("min_y_m", c.min_y_m, -1e6),

@@ -6,7 +6,7 @@ use super::Scenario;
 use super::limits::Checker;
 
 /// The scenarios that come with the bench: name and text.
-const BUILT_IN: [(&str, &str); 11] = [
+const BUILT_IN: [(&str, &str); 21] = [
     ("obstacle-avoidance", include_str!("../../scenarios/obstacle-avoidance.toml")),
     (
         "obstacle-avoidance-12m-back",
@@ -24,6 +24,16 @@ const BUILT_IN: [(&str, &str); 11] = [
     ("braking-obstacle", include_str!("../../scenarios/braking-obstacle.toml")),
     ("cut-in", include_str!("../../scenarios/cut-in.toml")),
     ("bump", include_str!("../../scenarios/bump.toml")),
+    ("leader-sine", include_str!("../../scenarios/leader-sine.toml")),
+    ("leader-emergency-braking", include_str!("../../scenarios/leader-emergency-braking.toml")),
+    ("stop-and-go", include_str!("../../scenarios/stop-and-go.toml")),
+    ("join", include_str!("../../scenarios/join.toml")),
+    ("leave", include_str!("../../scenarios/leave.toml")),
+    ("split", include_str!("../../scenarios/split.toml")),
+    ("platoon-8", include_str!("../../scenarios/platoon-8.toml")),
+    ("platoon-16", include_str!("../../scenarios/platoon-16.toml")),
+    ("heterogeneous", include_str!("../../scenarios/heterogeneous.toml")),
+    ("v2v-loss", include_str!("../../scenarios/v2v-loss.toml")),
 ];
 
 /// Longest scenario file that is read \[bytes\].

@@ -250,3 +250,104 @@ fn a_broken_file_is_refused_with_its_line() {
     assert!(message.contains("broken.toml") && message.contains("line 2"), "{message}");
     assert!(!message.contains('\n') && folder_message.contains("folder"));
 }
+
+/// The one-line refusal of events, which must contain every one of `parts`.
+fn refused_events(events: &str, parts: &[&str]) {
+    refused("events", &format!("[{events}]"), parts);
+}
+
+#[test]
+fn events_are_read_and_kept_in_order_of_time() {
+    let events = "[{ at_s = 0, truck = 3, leads = true, speed_mps = 20 },
+                   { at_s = 9, truck = 3, follows = 2, spacing_m = 30, over_s = 12 },
+                   { at_s = 9, truck = 0, speed_mps = 0 }]";
+    let scenario = load(&[("events", events)]).expect("loads");
+    let [first, second, third] = scenario.events[..] else { panic!("{:?}", scenario.events) };
+    assert_eq!((first.leads, first.follows, first.speed_mps), (true, None, Some(20.0)));
+    assert_eq!((second.follows, second.spacing_m, second.until_s()), (Some(2), Some(30.0), 21.0));
+    assert_eq!((third.truck, third.speed_mps, third.over_s), (0, Some(0.0), 0.0));
+    let early = "{ at_s = 9, truck = 1, speed_mps = 0 }, { at_s = 8, truck = 1, speed_mps = 0 }";
+    refused_events(early, &["events.2.at_s = 8", "9 to 3600"]);
+    let again: Scenario = toml::from_str(&scenario.to_toml()).expect("its own text");
+    assert_eq!(again, scenario);
+}
+
+#[test]
+fn events_that_no_truck_can_follow_are_refused() {
+    refused_events("{ at_s = 1, truck = 4, speed_mps = 0 }", &["events.1.truck = 4", "0 to 3"]);
+    refused_events("{ at_s = 1, truck = 1, follows = 1, over_s = 5 }", &["events.1.follows = 1"]);
+    refused_events("{ at_s = 1, truck = 1, follows = 9, over_s = 5 }", &["follows = 9", "0 to 3"]);
+    let both = "{ at_s = 1, truck = 1, follows = 0, leads = true, over_s = 5 }";
+    refused_events(both, &["events.1.follows = 0", "leads"]);
+    let alone = "{ at_s = 1, truck = 1, leads = true, spacing_m = 20, over_s = 5 }";
+    refused_events(alone, &["events.1.spacing_m = 20", "follows nobody"]);
+    refused_events(
+        "{ at_s = 1, truck = 1, spacing_m = 2, over_s = 5 }",
+        &["spacing_m = 2", "8 to"],
+    );
+    refused_events("{ at_s = 1, truck = 1, place = 2 }", &["place", "follows"]);
+    refused_events("{ at_s = 4000, truck = 1, speed_mps = 2 }", &["events.1.at_s = 4000"]);
+    let scripted = [("leader.accelerations", "[]"), ("events", "[{ at_s = 1, truck = 0 }]")];
+    let message = load(&scripted).expect_err("nobody drives truck 0").to_string();
+    assert!(message.contains("events.1.truck = 0") && message.contains("1 to 3"), "{message}");
+}
+
+#[test]
+fn distances_and_lanes_do_not_jump() {
+    refused_events("{ at_s = 1, truck = 1, spacing_m = 51 }", &["events.1.over_s = 0", "1 to"]);
+    refused_events("{ at_s = 1, truck = 1, desired_y_m = 1 }", &["events.1.over_s = 0", "1 to"]);
+    // 40 m at 4 m/s at the fastest take 18.75 s.
+    let hasty = "{ at_s = 1, truck = 1, spacing_m = 90, over_s = 18 }";
+    refused_events(hasty, &["events.1.over_s = 18", "18.75 to"]);
+    let at_start = "[{ at_s = 0, truck = 1, spacing_m = 90, desired_y_m = 3.75 }]";
+    assert!(load(&[("events", at_start)]).is_ok(), "a run may start in any way");
+}
+
+#[test]
+fn circles_and_shared_slots_are_refused_once_an_instant_is_over() {
+    let circle = "{ at_s = 1, truck = 0, follows = 3, over_s = 5 }";
+    refused_events(circle, &["events.1.follows", "does not follow itself"]);
+    let shared = "{ at_s = 1, truck = 3, follows = 1, over_s = 5 }";
+    refused_events(shared, &["events.1.follows = 1", "at most one truck behind each"]);
+    let swap = "[{ at_s = 1, truck = 3, follows = 1, over_s = 5 },
+                 { at_s = 1, truck = 2, follows = 3, over_s = 5 }]";
+    assert!(load(&[("events", swap)]).is_ok(), "two events of one instant are one change");
+}
+
+#[test]
+fn trucks_start_where_they_are_told() {
+    let sets = [("trucks.3.start_x_m", "-300"), ("trucks.3.start_speed_mps", "22")];
+    let scenario = load(&sets).expect("loads");
+    assert_eq!(scenario.start(3), Start { x_m: -300.0, y_m: 0.0, speed_mps: 22.0 });
+    assert_eq!(scenario.start(2), Start { x_m: -100.0, y_m: 0.0, speed_mps: 18.0 });
+    refused("trucks.3.start_speed_mps", "-1", &["trucks.3.start_speed_mps = -1", "0 to 40"]);
+}
+
+#[test]
+fn an_ecu_is_told_its_trucks_mass_only_when_the_scenario_says_so() {
+    let heavy = ("trucks.1.mass_kg", "9000");
+    let told = |sets: &[(&str, &str)]| load(sets).expect("loads").told_mass_kg(1);
+    assert_eq!(told(&[heavy]), None);
+    assert_eq!(told(&[heavy, ("plant.mass_told", "true")]), Some(9000.0));
+    assert_eq!(told(&[("plant.mass_told", "true")]), None);
+}
+
+#[test]
+fn a_rise_is_for_a_constant_acceleration_and_fits_in_twice() {
+    let stretch = |more: &str| {
+        let text = format!("[{{ from_s = 1, until_s = 2, accel_mps2 = -6, {more} }}]");
+        load(&[("leader.accelerations", &text)])
+    };
+    assert!(stretch("rise_s = 0.5").is_ok());
+    for more in ["rise_s = 0.6", "rise_s = 0.1, shape = \"sine\""] {
+        let message = stretch(more).expect_err(more).to_string();
+        assert!(message.contains("leader.accelerations.1.rise_s"), "{message}");
+    }
+}
+
+#[test]
+fn a_script_that_would_reverse_ends_at_standstill() {
+    let brake = "[{ from_s = 1, until_s = 20, accel_mps2 = -6 }]";
+    let scenario = load(&[("leader.accelerations", brake)]).expect("loads");
+    assert_eq!(scenario.leader.expect("scripted").final_speed_mps(18.0), 0.0);
+}

@@ -6,18 +6,20 @@
 use super::{BodyAcceleration, TruckState};
 
 /// Phases a script can have.
-pub const PHASES_MAX: usize = 8;
+pub const PHASES_MAX: usize = 16;
 /// Integration steps from one point of a preview to the next.
 const PREVIEW_STEPS: u32 = 20;
 /// Mass for who asks \[kg\]: the paper's truck; the motion does not depend on it.
 const MASS_KG: f64 = 5760.0;
 
 /// Course of the acceleration within a phase.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
-    /// The same throughout.
-    #[default]
-    Constant,
+    /// The same throughout, but for a straight rise from zero and a fall back to it.
+    Constant {
+        /// Time of the rise, and of the fall \[s\].
+        rise_s: f64,
+    },
     /// Half a sine wave, zero at both ends.
     HalfSine,
     /// A sine wave of this many whole periods.
@@ -25,6 +27,12 @@ pub enum Shape {
         /// Periods within the phase.
         periods: u32,
     },
+}
+
+impl Default for Shape {
+    fn default() -> Self {
+        Self::Constant { rise_s: 0.0 }
+    }
 }
 
 /// One stretch of acceleration.
@@ -48,21 +56,15 @@ impl Phase {
         }
         let share = (time_s - self.from_s) / (self.until_s - self.from_s);
         let half_turns = match self.shape {
-            Shape::Constant => return self.accel_mps2,
+            Shape::Constant { rise_s } if rise_s > 0.0 => {
+                let nearest_end_s = (time_s - self.from_s).min(self.until_s - time_s);
+                return self.accel_mps2 * (nearest_end_s / rise_s).min(1.0);
+            }
+            Shape::Constant { .. } => return self.accel_mps2,
             Shape::HalfSine => share,
             Shape::Sine { periods } => 2.0 * f64::from(periods) * share,
         };
         self.accel_mps2 * libm::sin(core::f64::consts::PI * half_turns)
-    }
-
-    /// What the phase adds to the speed \[m/s\].
-    pub fn gain_mps(&self) -> f64 {
-        let span_s = self.until_s - self.from_s;
-        match self.shape {
-            Shape::Constant => self.accel_mps2 * span_s,
-            Shape::HalfSine => self.accel_mps2 * span_s * core::f64::consts::FRAC_2_PI,
-            Shape::Sine { .. } => 0.0,
-        }
     }
 }
 
@@ -163,11 +165,17 @@ mod tests {
     }
 
     #[test]
-    fn waves_gain_what_their_integral_says() {
-        for shape in [Shape::Constant, Shape::HalfSine, Shape::Sine { periods: 3 }] {
+    fn shapes_gain_what_their_integral_says() {
+        let shapes = [
+            (Shape::default(), 1.0),
+            (Shape::Constant { rise_s: 0.6 }, 0.7),
+            (Shape::HalfSine, core::f64::consts::FRAC_2_PI),
+            (Shape::Sine { periods: 3 }, 0.0),
+        ];
+        for (shape, share) in shapes {
             let phase = Phase { from_s: 0.5, until_s: 2.5, accel_mps2: 1.5, shape };
             let gained_mps = drive(phase, 4.0).state().forward_mps - 20.0;
-            assert!((gained_mps - phase.gain_mps()).abs() < 1e-5, "{shape:?}: {gained_mps}");
+            assert!((gained_mps - 3.0 * share).abs() < 1e-5, "{shape:?}: {gained_mps}");
         }
     }
 

@@ -251,7 +251,7 @@ impl Default for UclCalibration {
             delay_reading: DelayReading::Eq4,
             delay_bound_s: 0.25,
             lead_time_s: 1.5,
-            accel_min_mps2: -4.0,
+            accel_min_mps2: -6.0,
             accel_max_mps2: 2.5,
             speed_margin_mps: 4.0,
         }

@@ -128,19 +128,21 @@ impl Slots {
             return Self::default();
         }
         let now_ns = seen.ego.time_ns;
-        let plan = |told: Option<Plan>, heard: Option<Motion>, trucks: u8| {
+        let plan = |told: Option<Plan>, heard: Option<Motion>, distance_m: f64| {
             // Without a plan, and in its absence a state, there is nothing to keep a slot behind.
             let steady = heard.map(|m| Plan::steady(m.time_ns, m.x_m, m.speed_mps));
             let plan = told.or(steady)?.shifted_to(now_ns);
-            Some(plan.behind(f64::from(trucks) * mission.spacing_m))
+            Some(plan.behind(distance_m))
         };
         let hears_leader = place == 1 || cal.structure == Structure::DmpcPlf;
         let told = seen.plans.leader.filter(|_| cal.dmpc.leader_preview);
         Self {
-            leader: hears_leader.then(|| plan(told, memory.leader.newest(), place)).flatten(),
+            leader: hears_leader
+                .then(|| plan(told, memory.leader.newest(), mission.leader_distance_m))
+                .flatten(),
             neighbour: match place {
                 1 => None,
-                _ => plan(seen.plans.predecessor, memory.predecessor.newest(), 1),
+                _ => plan(seen.plans.predecessor, memory.predecessor.newest(), mission.spacing_m),
             },
         }
     }

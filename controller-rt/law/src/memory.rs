@@ -14,6 +14,8 @@ use crate::qp::{BLOCKS, WorkingSet};
 pub struct Memory {
     /// This truck's own past.
     pub(crate) own: History,
+    /// Which trucks the two histories below are of: leader and predecessor.
+    pub(crate) followed: [u8; 2],
     /// The leader's messages.
     pub(crate) leader: History,
     /// The predecessor's messages.
@@ -56,13 +58,17 @@ impl Memory {
             speed_mps: ego.forward_mps,
             accel_mps2: ego.accel_mps2,
         });
-        for (history, message) in
-            [(&mut self.leader, seen.leader), (&mut self.predecessor, seen.predecessor)]
-        {
-            match message {
-                Some(message) => history.note(message.motion()),
-                // A lost truck's past must not be joined to a later message.
-                None => *history = History::new(),
+        let followed = [seen.mission.leader, seen.mission.predecessor];
+        let before = core::mem::replace(&mut self.followed, followed);
+        let histories = [&mut self.leader, &mut self.predecessor];
+        let messages = [seen.leader, seen.predecessor];
+        for (n, (history, message)) in histories.into_iter().zip(messages).enumerate() {
+            // The past of a lost truck, or of another one, must not be joined to a later message.
+            if message.is_none() || followed[n] != before[n] {
+                *history = History::new();
+            }
+            if let Some(message) = message {
+                history.note(message.motion());
             }
         }
     }

@@ -54,12 +54,18 @@ pub struct Ego {
 /// The global planner's knowledge: place in the platoon, speeds, lanes, road.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Mission {
-    /// This truck's place, 0 is the leader.
+    /// This truck's place in its platoon, 0 is the leader.
     pub truck: u8,
     /// Trucks in the platoon, the leader included.
     pub trucks: u8,
-    /// Desired distance D between neighbours' CGs \[m\].
+    /// Which truck leads, by its number in the run; it may change.
+    pub leader: u8,
+    /// Which truck this one follows, likewise.
+    pub predecessor: u8,
+    /// Desired distance D from this truck's CG to that of the one it follows \[m\].
     pub spacing_m: f64,
+    /// Desired distance to the leader's CG \[m\]: i D while every truck keeps the same distance D.
+    pub leader_distance_m: f64,
     /// Speed the leader is to hold \[m/s\].
     pub set_speed_mps: f64,
     /// Desired lateral position Y_des \[m\].

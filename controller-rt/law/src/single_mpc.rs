@@ -47,9 +47,9 @@ pub fn aim(cal: &Calibration, memory: &Memory, seen: &Observation) -> (UclReport
         true => m.extrapolated(seen.time_ns, cal.ucl.delay_bound_s),
         false => m,
     };
-    let behind = |m: Motion, trucks: f64| (m.x_m - trucks * mission.spacing_m, m.speed_mps);
-    let of_leader = behind(as_used(leader), f64::from(mission.truck));
-    let of_predecessor = predecessor.map_or(of_leader, |m| behind(as_used(m), 1.0));
+    let behind = |m: Motion, distance_m: f64| (m.x_m - distance_m, m.speed_mps);
+    let of_leader = behind(as_used(leader), mission.leader_distance_m);
+    let of_predecessor = predecessor.map_or(of_leader, |m| behind(as_used(m), mission.spacing_m));
     let slot = Slot {
         x_m: 0.5 * (of_leader.0 + of_predecessor.0),
         speed_mps: 0.5 * (of_leader.1 + of_predecessor.1),

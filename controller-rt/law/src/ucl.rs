@@ -1,10 +1,13 @@
 //! The upper-level coordination layer: delayed V2V states in, reference speed out [MCF, Eqs. 1-7].
 //!
 //! ```text
-//! x_Hi = [ s0 - si - i D,  v0 - vi,  a0 - ai ]                                      (Eq. 2)
+//! x_Hi = [ s0 - si - D_i0,  v0 - vi,  a0 - ai ],   D_i0 = i D at equal spacings      (Eq. 2)
 //! u_i  = what the coordination law makes of x_Hi(t - lambda) and x_H(i-1)(t - lambda)
-//! V_ref = clip(speed + lead_time * u_i, 0, v0 + margin)                             (ours)
+//! V_ref = min(speed + lead_time * u_i, v0 + margin)                                 (ours)
 //! ```
+//!
+//! V_ref is a way to ask the motion layer for an acceleration, so it may be negative: cut off at 0 it
+//! would ask for less and less braking below 9 m/s, and a truck would stop metres too late.
 //!
 //! The law is a slot: the paper's gain ([`h_infinity`], Eq. 4), or one it is compared with.
 //! Each is a file with one function from a [`Situation`] to an acceleration; adding one is adding a
@@ -80,13 +83,12 @@ pub fn coordinate(
         return report;
     }
 
-    let place = f64::from(mission.truck);
-    report.x_own = error_state(&pair.leader, &pair.own, place * mission.spacing_m);
+    report.x_own = error_state(&pair.leader, &pair.own, mission.leader_distance_m);
     if mission.truck > 1
         && let Some((leader, predecessor)) = pair.ahead
     {
-        let slot = (place - 1.0) * mission.spacing_m;
-        report.x_predecessor = error_state(&leader, &predecessor, slot);
+        let slot_m = mission.leader_distance_m - mission.spacing_m;
+        report.x_predecessor = error_state(&leader, &predecessor, slot_m);
     }
 
     let situation = Situation {
@@ -111,7 +113,7 @@ pub fn coordinate(
     };
     report.accel_mps2 = u.clamp(cal.accel_min_mps2, cal.accel_max_mps2);
     report.v_ref_mps = (seen.ego.forward_mps + cal.lead_time_s * report.accel_mps2)
-        .clamp(0.0, (pair.leader.speed_mps + cal.speed_margin_mps).max(0.0));
+        .min(pair.leader.speed_mps + cal.speed_margin_mps);
     report
 }
 

@@ -6,8 +6,12 @@ const NOW_NS: u64 = 10_000 * MS;
 fn mission(truck: u8) -> Message {
     Message::Mission(Mission {
         truck_index: truck,
+        place: truck,
+        leader_truck: 0,
+        predecessor_truck: truck.saturating_sub(1),
         platoon_size: 4,
         spacing_m: 25.0,
+        leader_distance_m: 25.0 * f64::from(truck),
         set_speed_mps: 20.0,
         loop_period_ns: 1_000_000,
         ..Mission::default()
@@ -124,17 +128,47 @@ fn truck_one_has_its_leader_as_predecessor_and_the_leader_has_neither() {
     assert!(seen.leader.is_some());
     assert_eq!(seen.leader, seen.predecessor);
     let mut leader = picture(0, &[]);
-    assert_eq!(leader.note(&v2v(1, NOW_NS)), Noted::NotMine);
+    leader.note(&v2v(1, NOW_NS));
     assert_eq!(leader.note(&v2v(0, NOW_NS)), Noted::NotMine);
     let seen = leader.observe(NOW_NS).expect("seen");
     assert_eq!((seen.leader, seen.predecessor), (None, None));
 }
 
 #[test]
-fn states_of_trucks_that_are_neither_leader_nor_predecessor_are_not_mine() {
-    let mut picture = picture(3, &[]);
-    assert_eq!(picture.note(&v2v(1, NOW_NS)), Noted::NotMine);
-    assert_eq!(picture.note(&v2v(2, NOW_NS)), Noted::Used);
+fn a_truck_follows_whom_its_mission_names_and_has_heard_it_before() {
+    let heard = [v2v(0, NOW_NS - 3), v2v(1, NOW_NS - 2), v2v(2, NOW_NS - 1)];
+    let mut picture = picture(3, &heard);
+    let followed = |picture: &Picture| {
+        let seen = picture.observe(NOW_NS).expect("knows where it is");
+        [seen.leader, seen.predecessor].map(|state| state.map(|state| NOW_NS - state.generated_ns))
+    };
+    assert_eq!(followed(&picture), [Some(3), Some(1)]);
+    let Message::Mission(told) = mission(3) else { unreachable!("is a mission") };
+    let told = Mission { place: 1, leader_truck: 1, predecessor_truck: 1, ..told };
+    picture.note(&Message::Mission(told));
+    assert_eq!(followed(&picture), [Some(2), Some(2)]);
+    let alone = Mission { place: 0, leader_truck: 3, predecessor_truck: 3, ..told };
+    picture.note(&Message::Mission(alone));
+    assert_eq!(followed(&picture), [None, None]);
+    for source in [3, 16] {
+        assert_eq!(picture.note(&v2v(source, NOW_NS)), Noted::NotMine);
+    }
+}
+
+#[test]
+fn a_truck_that_leads_minds_every_truck_ahead() {
+    let Message::Mission(told) = mission(2) else { unreachable!("is a mission") };
+    let leads = Mission { place: 0, leader_truck: 2, predecessor_truck: 2, ..told };
+    let ahead = |index: u8| match member(index, index, NOW_NS) {
+        Message::Obstacle(seen) => {
+            Message::Obstacle(Obstacle { position_x_m: 100.0 - f64::from(index), ..seen })
+        }
+        other => other,
+    };
+    let mut picture = picture(2, &[ahead(0), ahead(1), v2v(0, NOW_NS), v2v(1, NOW_NS)]);
+    picture.began_ns = Some(0);
+    picture.note(&Message::Mission(leads));
+    assert_eq!(pages(&picture), [0, 1]);
 }
 
 #[test]
@@ -249,7 +283,7 @@ fn plans_are_heard_from_leader_and_predecessor_and_lost_at_half_their_horizon() 
     assert_eq!(picture.note(&plan(1, NOW_NS)), Noted::Used);
     assert_eq!(plans(&picture).predecessor.map(|p| p.speed_mps[20]), Some(21.0));
     assert_eq!(picture.note(&plan(1, NOW_NS - MS)), Noted::Outdated);
-    assert_eq!(picture.note(&plan(3, NOW_NS)), Noted::NotMine);
+    assert_eq!(picture.note(&plan(2, NOW_NS)), Noted::NotMine);
 }
 
 #[test]

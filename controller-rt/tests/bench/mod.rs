@@ -57,9 +57,11 @@ impl Rig {
     pub fn invite(&mut self) {
         self.send(&Message::Mission(Mission {
             truck_index: 1,
+            place: 1,
             platoon_size: 2,
             run_state: RunState::Running,
             spacing_m: 25.0,
+            leader_distance_m: 25.0,
             set_speed_mps: 20.0,
             lane_width_m: 3.5,
             right_edge_y_m: -1.75,

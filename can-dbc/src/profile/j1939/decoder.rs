@@ -17,7 +17,7 @@ use crate::profile::{Heard, Refusal, Vehicle};
 use serde::{Deserialize, Serialize};
 
 /// Frame kinds of `j1939.dbc`.
-const KINDS: usize = 28;
+const KINDS: usize = 29;
 const _: () = assert!(MESSAGES.len() == KINDS);
 
 /// Supervisors, and messages in flight.
@@ -115,6 +115,7 @@ impl Decoder {
             Part::MissionTarget(part) => self.mission.add(counter, |m| m.target = Some(part)),
             Part::MissionLane(part) => self.mission.add(counter, |m| m.lane = Some(part)),
             Part::MissionEdges(part) => self.mission.add(counter, |m| m.edges = Some(part)),
+            Part::MissionRoster(part) => self.mission.add(counter, |m| m.roster = Some(part)),
 
             Part::EcuProgress(part) => self.status.add(counter, |s| s.progress = Some(part)),
             Part::EcuMisses(part) => self.status.add(counter, |s| s.misses = Some(part)),

@@ -14,7 +14,7 @@ use crate::profile::Vehicle;
 use serde::{Deserialize, Serialize};
 
 /// Frame kinds of `j1939.dbc`.
-const KINDS: usize = 28;
+const KINDS: usize = 29;
 const _: () = assert!(frames::MESSAGES.len() == KINDS);
 
 /// Of the controls and the navigation solution, the fastest that the profile sends.

@@ -5,9 +5,9 @@ use super::flight::Parts;
 use super::{NO_MEMBER, NS_PER_S};
 use crate::codec::EncodeError;
 use crate::j1939::{
-    EcuMisses, EcuProgress, MissionEdges, MissionLane, MissionPlatoon, MissionTarget, NavMotion,
-    NavPosition, NavTime, ObstacleBox, ObstacleMotion, ObstaclePosition, V2vMotion, V2vOutHeading,
-    V2vOutMotion, V2vOutPosition, V2vOutTime, V2vPosition, V2vTime,
+    EcuMisses, EcuProgress, MissionEdges, MissionLane, MissionPlatoon, MissionRoster,
+    MissionTarget, NavMotion, NavPosition, NavTime, ObstacleBox, ObstacleMotion, ObstaclePosition,
+    V2vMotion, V2vOutHeading, V2vOutMotion, V2vOutPosition, V2vOutTime, V2vPosition, V2vTime,
 };
 use crate::messages::{EcuStatus, EgoState, Message, Mission, Obstacle, V2vOut, V2vState};
 use serde::{Deserialize, Serialize};
@@ -204,12 +204,13 @@ pub(super) struct MissionParts {
     pub(super) target: Option<MissionTarget>,
     pub(super) lane: Option<MissionLane>,
     pub(super) edges: Option<MissionEdges>,
+    pub(super) roster: Option<MissionRoster>,
 }
 
 impl Parts for MissionParts {
     fn complete(&self) -> Option<Message> {
         let (platoon, target) = (self.platoon?, self.target?);
-        let (lane, edges) = (self.lane?, self.edges?);
+        let (lane, edges, roster) = (self.lane?, self.edges?, self.roster?);
         Some(Message::Mission(Mission {
             truck_index: platoon.truck_index,
             platoon_size: platoon.platoon_size,
@@ -221,6 +222,10 @@ impl Parts for MissionParts {
             right_edge_y_m: edges.right_edge_y_m,
             left_edge_y_m: edges.left_edge_y_m,
             loop_period_ns: platoon.loop_period_ns,
+            place: roster.place,
+            leader_truck: roster.leader_truck,
+            predecessor_truck: roster.predecessor_truck,
+            leader_distance_m: roster.leader_distance_m,
         }))
     }
 }
@@ -244,10 +249,17 @@ pub(super) fn put_mission(
         right_edge_y_m: mission.right_edge_y_m,
         left_edge_y_m: mission.left_edge_y_m,
     };
+    let roster = MissionRoster {
+        place: mission.place,
+        leader_truck: mission.leader_truck,
+        predecessor_truck: mission.predecessor_truck,
+        leader_distance_m: mission.leader_distance_m,
+    };
     batch.push(platoon.encode(counter)?);
     batch.push(target.encode(counter)?);
     batch.push(lane.encode(counter)?);
     batch.push(edges.encode(counter)?);
+    batch.push(roster.encode(counter)?);
     Ok(())
 }
 

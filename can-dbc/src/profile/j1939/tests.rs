@@ -120,6 +120,10 @@ fn mission(dice: &mut Dice) -> Mission {
         right_edge_y_m: dice.between(-800.0, 800.0),
         left_edge_y_m: dice.between(-800.0, 800.0),
         loop_period_ns: 50_000 + dice.below(900_000_000) as u32,
+        place: dice.below(16) as u8,
+        leader_truck: dice.below(16) as u8,
+        predecessor_truck: dice.below(16) as u8,
+        leader_distance_m: dice.between(0.0, 16_000.0),
     }
 }
 
@@ -212,6 +216,10 @@ fn numbers(message: &Message) -> Vec<(f64, f64)> {
             (m.right_edge_y_m, mm),
             (m.left_edge_y_m, mm),
             (f64::from(m.loop_period_ns), 0.0),
+            (f64::from(m.place), 0.0),
+            (f64::from(m.leader_truck), 0.0),
+            (f64::from(m.predecessor_truck), 0.0),
+            (m.leader_distance_m, mm),
         ],
         Message::EcuStatus(m) => vec![
             (f64::from(m.ecu_mode.raw()), 0.0),

@@ -46,6 +46,7 @@ impl Truck {
                 truck: place,
                 trucks: 4,
                 spacing_m: SPACING_M,
+                leader_distance_m: f64::from(place) * SPACING_M,
                 set_speed_mps: 20.0,
                 lane_width_m: 3.75,
                 right_edge_y_m: -1.875,

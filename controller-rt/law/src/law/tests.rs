@@ -23,6 +23,7 @@ fn seen(time_ns: u64) -> Observation {
             truck: 1,
             trucks: 4,
             spacing_m: 50.0,
+            leader_distance_m: 50.0,
             set_speed_mps: 18.0,
             lane_width_m: 3.75,
             right_edge_y_m: -1.875,

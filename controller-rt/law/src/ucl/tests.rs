@@ -83,7 +83,9 @@ fn run_with(cal: UclCalibration, delay_ms: usize) -> Run {
                 mission: Mission {
                     truck: i as u8,
                     trucks: FOLLOWERS as u8 + 1,
+                    predecessor: i as u8 - 1,
                     spacing_m: SPACING_M,
+                    leader_distance_m: i as f64 * SPACING_M,
                     set_speed_mps: 20.0,
                     ..Mission::default()
                 },
