@@ -10,8 +10,8 @@
 //! below a bound that does not depend on the truck (D. Swaroop and J. K. Hedrick, *String stability
 //! of interconnected systems*, IEEE Trans. Automatic Control 41(3), 1996). No truck that keeps a
 //! constant distance by feedback alone has it below 1 at every frequency: with two integrators in
-//! the loop, the logarithm of |T(jω)| over ω² integrates to at least 0 (R. H. Middleton, *Trade-offs
-//! in linear control system design*, Automatica 27(2), 1991).
+//! the loop, the logarithm of |T(jω)| over ω² integrates to at least 0 (R. H. Middleton,
+//! *Trade-offs in linear control system design*, Automatica 27(2), 1991).
 
 use core::f64::consts::TAU;
 

@@ -8,7 +8,7 @@
 //! | `V2vState` | `V2vPosition`, `V2vMotion`, `V2vTime` |
 //! | `V2vOut` | `V2vOutPosition`, `V2vOutMotion`, `V2vOutHeading`, `V2vOutTime` |
 //! | `Obstacle` | `ObstaclePosition`, `ObstacleMotion`, `ObstacleBox` |
-//! | `Mission` | `MissionPlatoon`, `MissionTarget`, `MissionLane`, `MissionEdges`, `MissionRoster` |
+//! | `Mission` | `MissionPlatoon`, `-Target`, `-Lane`, `-Edges`, `-Roster` |
 //! | `EcuStatus` | `EcuProgress`, `EcuMisses` |
 //!
 //! Beside `EgoState` the rig also plays EEC1, EBC1, EBC2 and EBC5, which tell nothing of a message.

@@ -6,8 +6,8 @@
 //! V_ref = min(speed + lead_time * u_i, v0 + margin)                                 (ours)
 //! ```
 //!
-//! V_ref is a way to ask the motion layer for an acceleration, so it may be negative: cut off at 0 it
-//! would ask for less and less braking below 9 m/s, and a truck would stop metres too late.
+//! V_ref is a way to ask the motion layer for an acceleration, so it may be negative: cut off at 0
+//! it would ask for less and less braking below 9 m/s, and a truck would stop metres too late.
 //!
 //! The law is a slot: the paper's gain ([`h_infinity`], Eq. 4), or one it is compared with.
 //! Each is a file with one function from a [`Situation`] to an acceleration; adding one is adding a
