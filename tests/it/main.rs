@@ -7,6 +7,7 @@ mod compare;
 mod determinism;
 mod distributed_mpc;
 mod faults;
+mod gain;
 mod gateway;
 mod hazards;
 mod nominal;
