@@ -88,14 +88,12 @@ pub fn jensen(subject: &Subject, delay: DelayBound, proof: &Jensen) -> Checked {
         (Rate::Below(mu), Some(q)) => (0.0..1.0).contains(&mu) && square(q),
         (Rate::Any, Some(_)) => false,
     };
-    if !(subject.is_sound() && delay.longest_s > 0.0 && proof.gamma > 0.0)
-        || !(square(&proof.p) && square(&proof.z) && q_fits)
-    {
+    let is_sound = subject.is_sound() && delay.longest_s > 0.0 && proof.gamma > 0.0;
+    if !(is_sound && square(&proof.p) && square(&proof.z) && q_fits) {
         return Checked::REFUSED;
     }
     let rounded = jensen_matrices::<f64>(subject, delay, proof);
-    let exact = jensen_matrices::<BigRational>(subject, delay, proof);
-    checked(rounded, exact)
+    checked(rounded, || jensen_matrices(subject, delay, proof))
 }
 
 /// Checks a proof by Wirtinger's inequality.
@@ -103,15 +101,14 @@ pub fn jensen(subject: &Subject, delay: DelayBound, proof: &Jensen) -> Checked {
 pub fn wirtinger(subject: &Subject, longest_s: f64, proof: &Wirtinger) -> Checked {
     let n = subject.order();
     let square = |m: &DMatrix<f64>, order| m.shape() == (order, order) && *m == m.transpose();
-    if !(subject.is_sound() && longest_s > 0.0 && proof.gamma > 0.0)
-        || !(square(&proof.p, 2 * n) && square(&proof.s, n) && square(&proof.r, n))
-        || proof.x.shape() != (2 * n, 2 * n)
-    {
+    let is_sound = subject.is_sound() && longest_s > 0.0 && proof.gamma > 0.0;
+    let has_x = proof.x.shape() == (2 * n, 2 * n);
+    let has_others = square(&proof.p, 2 * n) && square(&proof.s, n) && square(&proof.r, n);
+    if !(is_sound && has_x && has_others) {
         return Checked::REFUSED;
     }
     let rounded = wirtinger_matrices::<f64>(subject, longest_s, proof);
-    let exact = wirtinger_matrices::<BigRational>(subject, longest_s, proof);
-    checked(rounded, exact)
+    checked(rounded, || wirtinger_matrices(subject, longest_s, proof))
 }
 
 /// What must be negative, and what must be positive.
@@ -161,8 +158,12 @@ fn wirtinger_matrices<T: Number>(
     Some(Claims { negative, positive: vec![matrices.p, matrices.s, matrices.r, coupled] })
 }
 
-fn checked(rounded: Option<Claims<f64>>, exact: Option<Claims<BigRational>>) -> Checked {
-    let (Some(rounded), Some(exact)) = (rounded, exact) else {
+/// Exact arithmetic is slow where it has to say no in the end; the eigenvalues say it at once.
+fn checked(
+    rounded: Option<Claims<f64>>,
+    exact: impl FnOnce() -> Option<Claims<BigRational>>,
+) -> Checked {
+    let Some(rounded) = rounded else {
         return Checked::REFUSED;
     };
     let eigenvalues = |m: &DMatrix<f64>| {
@@ -173,10 +174,14 @@ fn checked(rounded: Option<Claims<f64>>, exact: Option<Claims<BigRational>>) -> 
     let smallest = |m| eigenvalues(m).map_or(f64::NEG_INFINITY, |values| values.min());
     let form_max = rounded.negative.iter().map(largest).fold(f64::NEG_INFINITY, f64::max);
     let positive_min = rounded.positive.iter().map(smallest).fold(f64::INFINITY, f64::min);
-    // Exact arithmetic is slow where it has to say no in the end; the eigenvalues say it at once.
     let is_plausible = form_max < 0.0 && positive_min > 0.0;
-    let is_exact = is_plausible
-        && exact.positive.iter().all(exact::is_positive_definite)
-        && exact.negative.into_iter().all(|form| exact::is_positive_definite(&-form));
+    let is_exact = is_plausible && exact().is_some_and(|claims| claims.hold());
     Checked { form_max, positive_min, is_exact }
+}
+
+impl Claims<BigRational> {
+    fn hold(self) -> bool {
+        self.positive.iter().all(exact::is_positive_definite)
+            && self.negative.into_iter().all(|form| exact::is_positive_definite(&-form))
+    }
 }

@@ -39,7 +39,7 @@ pub fn is_positive_definite(matrix: &DMatrix<BigRational>) -> bool {
 
 /// The upper triangle times the common denominator, which is positive.
 fn integers(matrix: &DMatrix<BigRational>) -> DMatrix<BigInt> {
-    let denominator = matrix.iter().fold(BigInt::one(), |all, entry| least_common(all, entry));
+    let denominator = matrix.iter().fold(BigInt::one(), least_common);
     DMatrix::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
         if i > j {
             return BigInt::zero();

@@ -149,11 +149,8 @@ fn damaged(dice: &mut Dice, file: &GainFile) -> (String, GainFile, Conditions) {
         1 => {
             let vehicle = file.vehicle.as_mut().expect("in every file");
             let proof = &mut vehicle.disturbance_to_error;
-            let matrix = match dice.below(3) {
-                0 => &mut proof.p,
-                1 => &mut proof.r,
-                _ => &mut proof.s,
-            };
+            // Not S: where it is next to nothing, a flipped entry leaves a proof that still holds.
+            let matrix = if dice.below(2) == 0 { &mut proof.p } else { &mut proof.r };
             let n = matrix.nrows();
             let (i, j) = (dice.below(n), dice.below(n));
             matrix[(i, j)] = -matrix[(i, j)];
