@@ -225,7 +225,7 @@ impl Curves {
             for (index, (x, y)) in curve.points.iter().enumerate() {
                 let (low, high) = curve.band.get(index).copied().unwrap_or((*y, *y));
                 let [y, low, high] = [*y, low, high].map(|value| fixed(value, 5));
-                writeln!(text, "{},{},{y},{low},{high}", curve.name, fixed(*x, 3))?;
+                writeln!(text, "{},{},{y},{low},{high}", plain(&curve.name), fixed(*x, 3))?;
             }
         }
         Ok(())
@@ -251,11 +251,17 @@ impl Bars {
         for group in &self.groups {
             for bar in &group.bars {
                 let [y, low, high] = [bar.value, bar.band.0, bar.band.1].map(|v| fixed(v, 5));
-                writeln!(text, "\"{}\",\"{}\",{y},{low},{high}", group.name, bar.name)?;
+                let (group, bar) = (plain(&group.name), plain(&bar.name));
+                writeln!(text, "{group},{bar},{y},{low},{high}")?;
             }
         }
         Ok(())
     }
+}
+
+/// A name without what separates columns.
+fn plain(name: &str) -> String {
+    name.replace(',', "")
 }
 
 /// A column's name: words and unit, as this project writes names.

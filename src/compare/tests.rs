@@ -143,8 +143,11 @@ fn every_figure_has_its_numbers_in_rows_of_equal_length() {
 fn the_page_is_at_most_100_columns_wide_and_has_every_claim() {
     let (comparison, _) = comparison();
     let page = anstream::adapter::strip_str(&page::page(&comparison)).to_string();
+    // The bar of s̄ stands above its letter and takes no column.
+    let takes_room = |c: &char| !('\u{300}'..='\u{36f}').contains(c);
     for line in page.lines() {
-        assert!(line.chars().count() <= 100, "{} columns: {line}", line.chars().count());
+        let columns = line.chars().filter(takes_room).count();
+        assert!(columns <= 100, "{columns} columns: {line}");
     }
     assert!(comparison.claims.len() > 25, "{} claims", comparison.claims.len());
     for claim in &comparison.claims {
