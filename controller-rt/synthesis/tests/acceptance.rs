@@ -82,9 +82,9 @@ fn c1_a_common_disturbance_costs_more_and_a_short_lag_has_no_proof() {
         assert!((gamma - wanted).abs() < 0.01, "{followers}: {gamma}");
     }
     let short = Platoon::alike(1, 0.1);
-    let closed = short.closed(&short.k(&PUBLISHED));
-    assert!(analysis::jensen(&[closed.clone()], SLOW).is_err());
-    assert!(analysis::wirtinger(&[closed], LONGEST_S).is_err());
+    let closed = [short.closed(&short.k(&PUBLISHED))];
+    assert!(analysis::jensen(&closed, SLOW).is_err());
+    assert!(analysis::wirtinger(&closed, LONGEST_S).is_err());
 }
 
 /// The longest delay that a proof exists for.
