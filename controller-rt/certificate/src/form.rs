@@ -1,8 +1,7 @@
 //! The inequalities of a certificate, evaluated: once in `f64` for its eigenvalues, once in exact
 //! rational numbers for the verdict. The formulas are written once, over any such number.
 
-use std::fmt::Debug;
-use std::ops::{AddAssign, MulAssign, Neg, Sub, SubAssign};
+use std::ops::{AddAssign, MulAssign, Neg, SubAssign};
 
 use nalgebra::{DMatrix, Scalar};
 use num_rational::BigRational;
@@ -14,9 +13,7 @@ use crate::gain::Gain;
 const STATES: usize = 3;
 
 /// What the formulas compute with.
-pub trait Number:
-    Scalar + Num + Neg<Output = Self> + Sub<Output = Self> + AddAssign + SubAssign + MulAssign + Debug
-{
+pub trait Number: Scalar + Num + Neg<Output = Self> + AddAssign + SubAssign + MulAssign {
     /// The number a finite `f64` is; `None` for others.
     fn of(x: f64) -> Option<Self>;
 }

@@ -100,8 +100,8 @@ fn root_between(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 
 }
 
 /// The longest delay for which the small-gain theorem promises stability at any rate of change
-/// \[s\]: x(t) - x(t - lambda) is an integral of x' over lambda, a block of gain h, around which the
-/// loop has the gain sup |jw L / (1 + L)|.
+/// \[s\]: x(t) - x(t - lambda) is an integral of x' over lambda, a block of gain h, around which
+/// the loop has the gain sup |jw L / (1 + L)|.
 #[must_use]
 pub fn any_rate_small_gain_s(gain: &Gain, lag_s: f64) -> f64 {
     if !is_stable_without_delay(gain, lag_s) {

@@ -46,8 +46,8 @@ pub fn rightmost_root(gain: &Gain, lag_s: f64, delay_s: f64) -> Option<Complex<f
     rightmost(generator)
 }
 
-/// Differentiation of a polynomial given at the points cos(pi j / N) (Trefethen, Spectral Methods in
-/// MATLAB, 2000).
+/// Differentiation of a polynomial given at the points cos(pi j / N) (Trefethen, Spectral Methods
+/// in MATLAB, 2000).
 fn chebyshev_derivative() -> DMatrix<f64> {
     let n = POINTS;
     let x = |i: usize| (core::f64::consts::PI * i as f64 / n as f64).cos();

@@ -106,9 +106,9 @@ pub fn certify(file: &GainFile, conditions: &Conditions) -> Verdict {
     verdict
 }
 
-/// Checks the one proof that an ECU asks for at its start: that the loop is stable under every delay
-/// up to the bound, and how much of a disturbance it lets through. Where there is one for a single
-/// truck it is that, which holds in a platoon of any length; it takes milliseconds.
+/// Checks the one proof that an ECU asks for at its start: that the loop is stable under every
+/// delay up to the bound, and how much of a disturbance it lets through. Where there is one for a
+/// single truck it is that, which holds in a platoon of any length; it takes milliseconds.
 #[must_use]
 pub fn stability(file: &GainFile, conditions: &Conditions) -> Verdict {
     let mut file = file.clone();
@@ -226,8 +226,8 @@ fn peaks(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
 /// The bound that no length of the platoon exceeds: a truck's error is what w does to it directly,
 /// plus what all trucks ahead forward, a geometric series.
 ///
-/// q is what a delay may do to the energy of a forwarded signal, 1/sqrt(1 - mu). Truck for truck the
-/// delay may be another.
+/// q is what a delay may do to the energy of a forwarded signal, 1/sqrt(1 - mu). Truck for truck
+/// the delay may be another.
 #[must_use]
 pub fn string_bound(vehicle: &VehicleProofs, mu: f64) -> Option<f64> {
     let own = vehicle.disturbance_to_error.gamma;

@@ -55,8 +55,8 @@ pub fn jensen_gamma(loops: &[Loop], delay: DelayBound) -> Result<f64, Unsolved> 
     least_gamma(&program.solve()?, &gamma2)
 }
 
-/// The least gamma that Wirtinger's inequality with a reciprocally convex bound proves for delays of
-/// any rate, and its proof with a little room.
+/// The least gamma that Wirtinger's inequality with a reciprocally convex bound proves for delays
+/// of any rate, and its proof with a little room.
 ///
 /// # Errors
 /// When there is no proof.

@@ -6,8 +6,8 @@
 //! -P Z⁻¹ P <= rho² Z - 2 rho P,     -P Z⁻¹ P <= G'Z G - P G - G'P
 //! ```
 //!
-//! because the differences are squares, (P - rho Z) Z⁻¹ (P - rho Z) and (P - G'Z) Z⁻¹ (P - Z G). The
-//! first turns Eq. 8 into one semidefinite program per rho, gamma² its objective, and rho is a
+//! because the differences are squares, (P - rho Z) Z⁻¹ (P - rho Z) and (P - G'Z) Z⁻¹ (P - Z G).
+//! The first turns Eq. 8 into one semidefinite program per rho, gamma² its objective, and rho is a
 //! number to search over. The second, with G = Z⁻¹ P of the solution before, touches the product
 //! there, so every refinement can only improve.
 

@@ -1,9 +1,9 @@
 //! Designs for delays of any rate by Wirtinger's inequality: less is lost than with Jensen's.
 //!
-//! The analysis multiplies the gain with several unknowns. Here x' stays a variable of its own, tied
-//! to the rest by the plant's equation with multipliers (x + epsilon x')ᵀ X⁻¹ (Fridman's descriptor
-//! method). In the coordinates X⁻¹ x every product of unknowns with K becomes Y = K X, and for a
-//! fixed epsilon the inequality is linear:
+//! The analysis multiplies the gain with several unknowns. Here x' stays a variable of its own,
+//! tied to the rest by the plant's equation with multipliers (x + epsilon x')ᵀ X⁻¹ (Fridman's
+//! descriptor method). In the coordinates X⁻¹ x every product of unknowns with K becomes Y = K X,
+//! and for a fixed epsilon the inequality is linear:
 //!
 //! ```text
 //! xi = [x, x', x(t - lambda), x(t - h), mean near, mean far, w, z]
