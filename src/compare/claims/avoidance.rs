@@ -150,9 +150,9 @@ fn printed_weight(evidence: &Evidence<'_>) -> Option<Claim> {
         ("III-C, Fig. 16", "the same, Eq. 22 as printed"),
         ("decreases", Agreement::when(spread.min > 10.0)),
         (spread, 2, "% at most"),
-        "With a = 10000, U is 4 or less only beyond a normalised distance of 580, so a potential as \
-         printed moves the weight by less than 1 %. Ours fades beside the own path, and the printed \
-         equation then steps by Q₀/4 for every obstacle that is out of the way.",
+        "With a = 10000, U is 4 or less only beyond a normalised distance of 580, so a potential \
+         as printed moves the weight by less than 1 %. Ours fades beside the own path, and the \
+         printed equation then steps by Q₀/4 for every obstacle that is out of the way.",
     ))
 }
 
