@@ -56,6 +56,8 @@ pub enum Verb {
     Controller(ControllerArgs),
     /// Run the rig alone and wait for ECUs elsewhere.
     Bench(BenchArgs),
+    /// Measure gain and lag from the coordination layer's command to the truck's acceleration.
+    Identify(IdentifyArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.
@@ -264,6 +266,25 @@ pub struct BenchArgs {
     /// What rehearse and bench share.
     #[command(flatten)]
     pub run: RunArgs,
+}
+
+/// Options of `identify`.
+#[derive(Debug, Clone, Args)]
+pub struct IdentifyArgs {
+    /// Plants, as `plant.model` names them.
+    #[arg(long, value_name = "NAMES", value_delimiter = ',',
+        default_values = ["single-track", "two-track"])]
+    pub plant: Vec<String>,
+    /// Rates of the control loop in Hz.
+    #[arg(long, value_name = "HZ", value_delimiter = ',', default_values = ["50", "100", "200",
+        "500", "1000"], value_parser = clap::value_parser!(u32).range(10..=10_000))]
+    pub rate_hz: Vec<u32>,
+    /// Override a number of plant or law, such as law.ucl.lead_time_s=1.5.
+    #[arg(long, value_name = "KEY=VALUE", value_parser = parse_set)]
+    pub set: Vec<(String, String)>,
+    /// Where to write every figure as JSON.
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
 }
 
 /// Options of `scenarios`.

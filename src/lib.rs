@@ -21,6 +21,7 @@ mod failure;
 mod fault;
 mod gain;
 mod gateway;
+mod identify;
 mod process;
 mod progress;
 pub mod rehearse;
@@ -50,6 +51,7 @@ pub fn main() -> ExitCode {
         Verb::Controller(args) => controller::run(&args).map(|()| Verdict::Pass),
         Verb::Bench(args) => bench::run(&args),
         Verb::Gain(args) => gain::run(&args),
+        Verb::Identify(args) => identify::run(&args).map(|()| Verdict::Pass),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
     })

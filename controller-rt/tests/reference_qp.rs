@@ -1,53 +1,11 @@
 //! The reference solver against recorded solutions, the law's own solver, and bad data.
 
 use controller_rt::Clarabel;
-use law::qp::{ActiveSet, CONSTRAINTS, Qp, QpSolver, ROWS, SolveStatus, VARIABLES, WorkingSet};
+use law::qp::{ActiveSet, Qp, QpSolver, SolveStatus, VARIABLES, WorkingSet};
+use recorded::recorded;
 
-/// The law's recorded QPs with their solutions; the file's form is in its README.
-fn recorded() -> Vec<(Qp, Vec<f64>)> {
-    let file = include_bytes!("../law/tests/data/obstacle_avoidance.qps");
-    let mut at = 8;
-    let mut take = |n: usize| {
-        at += n;
-        &file[at - n..at]
-    };
-    let f64s = |bytes: &[u8]| -> Vec<f64> {
-        bytes.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight"))).collect()
-    };
-    let [count, pairs, slots] =
-        [(); 3].map(|()| u32::from_le_bytes(take(4).try_into().expect("four")) as usize);
-    let length = VARIABLES * VARIABLES + VARIABLES + ROWS * VARIABLES + 2 * CONSTRAINTS;
-    let template = f64s(take(8 * length));
-    let pairs: Vec<usize> = take(4 * pairs)
-        .chunks_exact(2)
-        .map(|b| usize::from(u16::from_le_bytes(b.try_into().expect("two"))))
-        .collect();
-    (0..count)
-        .map(|_| {
-            take(4);
-            let values = f64s(take(8 * slots));
-            let mut flat = template.clone();
-            pairs.chunks_exact(2).for_each(|pair| flat[pair[0]] = values[pair[1]]);
-            (qp_of(&flat), f64s(take(8 * VARIABLES)))
-        })
-        .collect()
-}
-
-/// H and A row by row, g, and the limits, one after the other.
-fn qp_of(flat: &[f64]) -> Qp {
-    let (hessian, rest) = flat.split_at(VARIABLES * VARIABLES);
-    let (gradient, rest) = rest.split_at(VARIABLES);
-    let (rows, limits) = rest.split_at(ROWS * VARIABLES);
-    let mut qp = Qp::empty();
-    for j in 0..VARIABLES {
-        (0..VARIABLES).for_each(|i| qp.hessian[(i, j)] = hessian[i * VARIABLES + j]);
-        (0..ROWS).for_each(|i| qp.rows[(i, j)] = rows[i * VARIABLES + j]);
-    }
-    qp.gradient.copy_from_slice(gradient);
-    qp.lower.copy_from_slice(&limits[..CONSTRAINTS]);
-    qp.upper.copy_from_slice(&limits[CONSTRAINTS..]);
-    qp
-}
+#[path = "../law/tests/recorded/mod.rs"]
+mod recorded;
 
 fn distance(found: &[f64], exact: &[f64]) -> f64 {
     found.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -55,7 +13,8 @@ fn distance(found: &[f64], exact: &[f64]) -> f64 {
 
 #[test]
 fn clarabel_agrees_with_every_recorded_solution_to_1e_7() {
-    for (number, (qp, exact)) in recorded().iter().enumerate() {
+    for (number, one) in recorded().iter().enumerate() {
+        let (qp, exact) = (&one.qp, &one.exact);
         let solution = Clarabel.solve(qp, &mut WorkingSet::default());
         assert_eq!(solution.status, SolveStatus::Solved, "QP {number}");
         let error = distance(solution.z.as_slice(), exact);
@@ -66,17 +25,18 @@ fn clarabel_agrees_with_every_recorded_solution_to_1e_7() {
 #[test]
 fn clarabel_repeats_itself_bit_for_bit_whatever_it_solved_before() {
     let recorded = recorded();
-    let first = Clarabel.solve(&recorded[7].0, &mut WorkingSet::default());
+    let first = Clarabel.solve(&recorded[7].qp, &mut WorkingSet::default());
     let mut warm = WorkingSet::natural();
-    for (qp, _) in &recorded[100..110] {
-        Clarabel.solve(qp, &mut warm);
+    for one in &recorded[100..110] {
+        Clarabel.solve(&one.qp, &mut warm);
     }
-    assert_eq!(Clarabel.solve(&recorded[7].0, &mut warm), first);
+    assert_eq!(Clarabel.solve(&recorded[7].qp, &mut warm), first);
 }
 
 #[test]
 fn clarabels_working_set_warm_starts_the_active_set_method() {
-    for (number, (qp, exact)) in recorded().iter().enumerate().step_by(10) {
+    for (number, one) in recorded().iter().enumerate().step_by(10) {
+        let (qp, exact) = (&one.qp, &one.exact);
         let mut warm = WorkingSet::default();
         Clarabel.solve(qp, &mut warm);
         let solution = ActiveSet.solve(qp, &mut warm);

@@ -10,6 +10,7 @@ mod faults;
 mod gain;
 mod gateway;
 mod hazards;
+mod ingredients;
 mod nominal;
 #[path = "../../can-dbc/tests/it/random.rs"]
 mod random;

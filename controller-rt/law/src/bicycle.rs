@@ -12,6 +12,7 @@
 //! drives in `bench-sim` shares nothing with this file.
 
 use crate::calibration::TruckBelief;
+use crate::lanes::Lanes;
 use crate::resistance::Resistance;
 
 /// Below this speed the slip angles use a guarded speed \[m/s\].
@@ -22,56 +23,86 @@ pub const STATES: usize = 6;
 /// State \[ū m/s, v m/s, r rad/s, φ rad, X m, Y m\].
 pub type State = [f64; STATES];
 
-/// Columns of a sensitivity: to the initial ū, v, r, φ, to force \[1/kN\], to steering \[1/deg\].
-/// The columns to the initial X and Y are those of the identity and not stored.
-pub const COLUMNS: usize = 6;
-/// Sensitivity of a state, row by row.
-pub type Sensitivity = [[f64; COLUMNS]; STATES];
-
 /// The model with its constants worked out.
+///
+/// With both slip angles put in, lateral and yaw motion are linear in v, r and delta at a speed:
+///
+/// ```text
+/// v' = (vv v + vr r)/ue + v_steer delta - u r       vv = -(Caf + Car)/m   vr = (lr Car - lf Caf)/m
+/// r' = (rv v + rr r)/ue + r_steer delta             rv = (lr Car - lf Caf)/Iz
+///                                                   rr = -(lf² Caf + lr² Car)/Iz
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct Bicycle {
     /// 1/m in \[m/s² per kN\].
     accel_per_kn: f64,
     resistance: Resistance,
-    cg_to_front_m: f64,
-    cg_to_rear_m: f64,
-    front_accel_per_rad: f64,
-    rear_accel_per_rad: f64,
-    front_yaw_per_rad: f64,
-    rear_yaw_per_rad: f64,
-}
-
-/// The Jacobian's entries that are not structural.
-struct Jacobian {
-    uu: f64,
-    uv: f64,
-    ur: f64,
-    vu: f64,
     vv: f64,
     vr: f64,
-    ru: f64,
     rv: f64,
     rr: f64,
-    cos: f64,
-    sin: f64,
-    x_phi: f64,
-    y_phi: f64,
+    /// Per degree.
+    v_steer: f64,
+    /// Per degree.
+    r_steer: f64,
+}
+
+/// The part of the state the rest follows from: \[ū m/s, v m/s, r rad/s\].
+pub type Core = [f64; 3];
+
+/// What the speed of an instant makes of tyres and resistances.
+#[derive(Debug, Clone, Copy)]
+pub struct AtSpeed {
+    /// 1/ue \[s/m\].
+    pub inverse: f64,
+    /// Its derivative by speed, over -1/ue \[s/m\].
+    pub inverse_u: f64,
+    /// Deceleration by drag and rolling \[m/s²\].
+    pub resistance_mps2: f64,
+    /// Its derivative by speed \[1/s\].
+    pub resistance_u: f64,
+}
+
+/// [`AtSpeed`] of four instants, as far as the Jacobian needs it.
+#[derive(Debug, Clone, Copy)]
+pub struct AtSpeedLanes {
+    /// 1/ue \[s/m\].
+    pub inverse: Lanes,
+    /// Its derivative by speed, over -1/ue \[s/m\].
+    pub inverse_u: Lanes,
+    /// Derivative of the resistances by speed \[1/s\].
+    pub resistance_u: Lanes,
+}
+
+/// The Jacobian's entries that are not structural, of four instants.
+#[derive(Debug, Clone, Copy)]
+pub struct Jacobian {
+    pub uu: Lanes,
+    pub uv: Lanes,
+    pub ur: Lanes,
+    pub vu: Lanes,
+    pub vv: Lanes,
+    pub vr: Lanes,
+    pub ru: Lanes,
+    pub rv: Lanes,
+    pub rr: Lanes,
 }
 
 impl Bicycle {
     /// The model of a truck.
     pub fn new(truck: &TruckBelief) -> Self {
         let (m, iz) = (truck.mass_kg, truck.yaw_inertia_kgm2);
+        let (front, rear) = (truck.front_stiffness_n_per_rad, truck.rear_stiffness_n_per_rad);
+        let (lf, lr) = (truck.cg_to_front_m, truck.cg_to_rear_m);
         Self {
             accel_per_kn: 1e3 / m,
             resistance: Resistance::new(truck),
-            cg_to_front_m: truck.cg_to_front_m,
-            cg_to_rear_m: truck.cg_to_rear_m,
-            front_accel_per_rad: truck.front_stiffness_n_per_rad / m,
-            rear_accel_per_rad: truck.rear_stiffness_n_per_rad / m,
-            front_yaw_per_rad: truck.front_stiffness_n_per_rad * truck.cg_to_front_m / iz,
-            rear_yaw_per_rad: truck.rear_stiffness_n_per_rad * truck.cg_to_rear_m / iz,
+            vv: -(front + rear) / m,
+            vr: (lr * rear - lf * front) / m,
+            rv: (lr * rear - lf * front) / iz,
+            rr: -(lf * lf * front + lr * lr * rear) / iz,
+            v_steer: (front / m).to_radians(),
+            r_steer: (front * lf / iz).to_radians(),
         }
     }
 
@@ -85,100 +116,59 @@ impl Bicycle {
         force_kn * self.accel_per_kn - self.resistance.mps2(speed_mps).0
     }
 
-    /// State and sensitivity after `step_s`, by one classical Runge-Kutta step of both.
-    ///
-    /// `input` is \[force kN, steering deg\], held over the step.
-    pub fn advance(
-        &self,
-        state: &State,
-        sensitivity: &Sensitivity,
-        input: [f64; 2],
-        step_s: f64,
-    ) -> (State, Sensitivity) {
-        // The four stages: how far each reaches from the start, and its share of the sum.
-        const REACH: [f64; 4] = [0.0, 0.5, 0.5, 1.0];
-        const SHARE: [f64; 4] = [1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0];
-        let (mut next, mut next_s) = (*state, *sensitivity);
-        let (mut slope, mut slope_s) = ([0.0; STATES], [[0.0; COLUMNS]; STATES]);
-        for (reach, share) in REACH.into_iter().zip(SHARE) {
-            let (mut at, mut at_s) = (*state, *sensitivity);
-            for i in 0..STATES {
-                at[i] += reach * step_s * slope[i];
-                for c in 0..COLUMNS {
-                    at_s[i][c] += reach * step_s * slope_s[i][c];
-                }
-            }
-            let jacobian;
-            (slope, jacobian) = self.derivative(&at, input);
-            slope_s = self.sensitivity_slope(&jacobian, &at_s);
-            for i in 0..STATES {
-                next[i] += share * step_s * slope[i];
-                for c in 0..COLUMNS {
-                    next_s[i][c] += share * step_s * slope_s[i][c];
-                }
-            }
-        }
-        (next, next_s)
+    /// Slope of the core under \[force kN, steering deg\], Eq. 13.
+    #[inline(always)]
+    pub fn slope(&self, [u, v, r]: Core, input: [f64; 2], at: &AtSpeed) -> Core {
+        [
+            input[0] * self.accel_per_kn - at.resistance_mps2 + v * r,
+            (self.vv * v + self.vr * r) * at.inverse + input[1] * self.v_steer - u * r,
+            (self.rv * v + self.rr * r) * at.inverse + input[1] * self.r_steer,
+        ]
     }
 
-    /// Eqs. 13 and 14 with their Jacobian.
-    fn derivative(&self, state: &State, input: [f64; 2]) -> (State, Jacobian) {
-        let [u, v, r, phi, _, _] = *state;
-        let (sin, cos) = libm::sincos(phi);
+    /// What a speed makes of tyres and resistances.
+    #[inline(always)]
+    pub fn at_speed(&self, u: f64) -> AtSpeed {
+        if u >= GUARD_BELOW_MPS { self.at_road_speed(u) } else { self.at_low_speed(u) }
+    }
+
+    /// Above the guarded range one division is all that has to be waited for.
+    #[inline(always)]
+    fn at_road_speed(&self, u: f64) -> AtSpeed {
+        let inverse = 1.0 / u;
+        let (resistance_mps2, resistance_u) = self.resistance.mps2_at_road_speed(u, inverse);
+        AtSpeed { inverse, inverse_u: inverse, resistance_mps2, resistance_u }
+    }
+
+    #[cold]
+    fn at_low_speed(&self, u: f64) -> AtSpeed {
         let (ue, ue_u) = guarded_speed(u);
-        let (resistance, resistance_u) = self.resistance.mps2(u);
+        let (resistance_mps2, resistance_u) = self.resistance.mps2(u);
         let inverse = 1.0 / ue;
+        AtSpeed { inverse, inverse_u: ue_u * inverse, resistance_mps2, resistance_u }
+    }
 
-        let front_slip = (v + self.cg_to_front_m * r) * inverse - input[1].to_radians();
-        let rear_slip = (v - self.cg_to_rear_m * r) * inverse;
-        let slope = [
-            input[0] * self.accel_per_kn - resistance + v * r,
-            -self.front_accel_per_rad * front_slip - self.rear_accel_per_rad * rear_slip - u * r,
-            -self.front_yaw_per_rad * front_slip + self.rear_yaw_per_rad * rear_slip,
-            r,
-            u * cos - v * sin,
-            u * sin + v * cos,
-        ];
-
-        // d(slip)/du = -(v + l r)/ue * ue'/ue for either axle.
-        let front_u = -(v + self.cg_to_front_m * r) * inverse * inverse * ue_u;
-        let rear_u = -rear_slip * inverse * ue_u;
-        let (cf, cr) = (self.front_accel_per_rad * inverse, self.rear_accel_per_rad * inverse);
-        let (yf, yr) = (self.front_yaw_per_rad * inverse, self.rear_yaw_per_rad * inverse);
-        let jacobian = Jacobian {
-            uu: -resistance_u,
+    /// The core's Jacobian at four instants.
+    #[inline(always)]
+    pub fn jacobian(&self, [u, v, r]: [Lanes; 3], at: &AtSpeedLanes) -> Jacobian {
+        // d(1/ue)/du = -(1/ue) (ue'/ue).
+        let fade = -(at.inverse * at.inverse_u);
+        Jacobian {
+            uu: -at.resistance_u,
             uv: r,
             ur: v,
-            vu: -self.front_accel_per_rad * front_u - self.rear_accel_per_rad * rear_u - r,
-            vv: -cf - cr,
-            vr: -cf * self.cg_to_front_m + cr * self.cg_to_rear_m - u,
-            ru: -self.front_yaw_per_rad * front_u + self.rear_yaw_per_rad * rear_u,
-            rv: -yf + yr,
-            rr: -yf * self.cg_to_front_m - yr * self.cg_to_rear_m,
-            cos,
-            sin,
-            x_phi: -u * sin - v * cos,
-            y_phi: u * cos - v * sin,
-        };
-        (slope, jacobian)
+            vu: (v * self.vv + r * self.vr) * fade - r,
+            vv: at.inverse * self.vv,
+            vr: at.inverse * self.vr - u,
+            ru: (v * self.rv + r * self.rr) * fade,
+            rv: at.inverse * self.rv,
+            rr: at.inverse * self.rr,
+        }
     }
 
-    /// S' = J S + B [Hairer, Nørsett & Wanner, *Solving Ordinary Differential Equations I*, I.14].
-    fn sensitivity_slope(&self, j: &Jacobian, s: &Sensitivity) -> Sensitivity {
-        let mut slope = [[0.0; COLUMNS]; STATES];
-        for c in 0..COLUMNS {
-            let (u, v, r, phi) = (s[0][c], s[1][c], s[2][c], s[3][c]);
-            slope[0][c] = j.uu * u + j.uv * v + j.ur * r;
-            slope[1][c] = j.vu * u + j.vv * v + j.vr * r;
-            slope[2][c] = j.ru * u + j.rv * v + j.rr * r;
-            slope[3][c] = r;
-            slope[4][c] = j.cos * u - j.sin * v + j.x_phi * phi;
-            slope[5][c] = j.sin * u + j.cos * v + j.y_phi * phi;
-        }
-        slope[0][4] += self.accel_per_kn;
-        slope[1][5] += self.front_accel_per_rad.to_radians();
-        slope[2][5] += self.front_yaw_per_rad.to_radians();
-        slope
+    /// Slope of the core per unit of force \[kN\] and of steering \[deg\].
+    pub fn input_slopes(&self) -> [Core; 2] {
+        [[self.accel_per_kn, 0.0, 0.0], [0.0, self.v_steer, self.r_steer]]
     }
 }
 
@@ -193,88 +183,6 @@ fn guarded_speed(u: f64) -> (f64, f64) {
     (ue, u * (1.0 - fade) / ue)
 }
 
-/// The sensitivity at the start: each state to itself, nothing yet to the inputs.
-pub const IDENTITY: Sensitivity = {
-    let mut s = [[0.0; COLUMNS]; STATES];
-    s[0][0] = 1.0;
-    s[1][1] = 1.0;
-    s[2][2] = 1.0;
-    s[3][3] = 1.0;
-    s
-};
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const STEP_S: f64 = 0.05;
-
-    fn model() -> Bicycle {
-        Bicycle::new(&TruckBelief::default())
-    }
-
-    /// Highway, lane change, crawling, standstill, backwards.
-    const CASES: [(State, [f64; 2]); 5] = [
-        ([20.0, 0.0, 0.0, 0.0, 0.0, 0.0], [1.2, 0.0]),
-        ([18.0, -0.2, 0.08, 0.05, 300.0, 1.4], [-15.0, 2.5]),
-        ([4.0, 0.1, -0.15, -0.3, 10.0, 3.0], [5.0, -8.0]),
-        ([0.0, 0.0, 0.0, 0.01, 0.0, 0.0], [0.5, 1.0]),
-        ([-0.5, 0.0, 0.01, 0.0, 0.0, 0.0], [-2.0, 0.5]),
-    ];
-
-    #[test]
-    fn sensitivities_agree_with_central_differences() {
-        let model = model();
-        for (state, input) in CASES {
-            let (_, s) = model.advance(&state, &IDENTITY, input, STEP_S);
-            for c in 0..COLUMNS {
-                let nudge = 1e-5;
-                let moved = |sign: f64| {
-                    let (mut state, mut input) = (state, input);
-                    match c {
-                        0..4 => state[c] += sign * nudge,
-                        _ => input[c - 4] += sign * nudge,
-                    }
-                    model.advance(&state, &IDENTITY, input, STEP_S).0
-                };
-                let (up, down) = (moved(1.0), moved(-1.0));
-                for i in 0..STATES {
-                    let difference = (up[i] - down[i]) / (2.0 * nudge);
-                    assert!((s[i][c] - difference).abs() < 1e-6, "{state:?}: {i} by {c}");
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn holding_force_holds_the_speed() {
-        let model = model();
-        let mut state = [20.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let force = model.holding_force_kn(20.0);
-        for _ in 0..200 {
-            state = model.advance(&state, &IDENTITY, [force, 0.0], STEP_S).0;
-        }
-        assert!((state[0] - 20.0).abs() < 1e-9);
-        assert!((state[4] - 200.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn steady_cornering_has_the_textbook_yaw_rate() {
-        // r = u delta / (L + K u^2), K = m (lr/Caf - lf/Car)/L
-        // [Rajamani, Vehicle Dynamics and Control, 2nd ed., section 3.1.4].
-        let truck = TruckBelief::default();
-        let model = model();
-        let (u, delta_deg) = (15.0, 0.5_f64);
-        let mut state = [u, 0.0, 0.0, 0.0, 0.0, 0.0];
-        for _ in 0..400 {
-            state = model.advance(&state, &IDENTITY, [0.0, delta_deg], STEP_S).0;
-            state[0] = u;
-        }
-        let length = truck.cg_to_front_m + truck.cg_to_rear_m;
-        let understeer = truck.mass_kg / length
-            * (truck.cg_to_rear_m / truck.front_stiffness_n_per_rad
-                - truck.cg_to_front_m / truck.rear_stiffness_n_per_rad);
-        let expected = u * delta_deg.to_radians() / (length + understeer * u * u);
-        assert!((state[2] - expected).abs() < 1e-4 * expected, "{} {expected}", state[2]);
-    }
-}
+#[path = "bicycle/tests.rs"]
+pub(crate) mod tests;

@@ -103,6 +103,8 @@ pub enum CoordinationLaw {
     CaccPath,
     /// Ploeg's constant time gap law.
     Ploeg,
+    /// A known command instead of coordination, to measure what the truck makes of it.
+    Excitation,
     /// No coordination: every truck holds the set speed.
     None,
 }
@@ -123,7 +125,8 @@ pub struct UclCalibration {
     pub delay_reading: DelayReading,
     /// Longest delay the gain is designed for, h₁ \[s\] [MCF, Table II]; extrapolation stops there.
     pub delay_bound_s: f64,
-    /// Time over which the commanded acceleration builds the reference speed \[s\]; ours.
+    /// Time over which the commanded acceleration builds the reference speed \[s\]; ours. The truck
+    /// answers with [`IDENTIFIED_GAIN_PER_LEAD_S`](Self::IDENTIFIED_GAIN_PER_LEAD_S) times as much.
     pub lead_time_s: f64,
     /// Smallest commanded acceleration \[m/s²\]; ours.
     pub accel_min_mps2: f64,
@@ -131,6 +134,51 @@ pub struct UclCalibration {
     pub accel_max_mps2: f64,
     /// How far the reference speed may exceed the leader's \[m/s\]; ours.
     pub speed_margin_mps: f64,
+    /// What the law `excitation` commands; no other law reads it.
+    pub excitation: Excitation,
+}
+
+impl UclCalibration {
+    /// Acceleration per commanded acceleration and second of lead time \[1/s\], through reference
+    /// speed, motion layer and truck, as `platoon identify` finds it on the single-track plant; 4 %
+    /// less on the two-track one. `docs/identification.md` has the table.
+    pub const IDENTIFIED_GAIN_PER_LEAD_S: f64 = 0.81;
+    /// The shortest and the longest lag of first order that fits any plant and loop rate from 50 Hz
+    /// to 500 Hz \[s\]. A gain is to be certified for both, not for the 0.45 s that the published
+    /// one fits.
+    pub const IDENTIFIED_LAG_S: [f64; 2] = [0.25, 0.29];
+
+    /// Gain from commanded to driven acceleration, dimensionless.
+    pub fn identified_gain(&self) -> f64 {
+        Self::IDENTIFIED_GAIN_PER_LEAD_S * self.lead_time_s
+    }
+}
+
+/// A command known beforehand: a sine wave, or a step when the frequency is zero.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Excitation {
+    /// Amplitude of the wave, or height of the step \[m/s²\].
+    pub amplitude_mps2: f64,
+    /// Frequency of the wave \[Hz\].
+    pub frequency_hz: f64,
+    /// When it begins \[s\] of bench time; nothing is commanded before.
+    pub from_s: f64,
+}
+
+impl Excitation {
+    /// The command at an instant of bench time \[m/s²\].
+    pub fn accel_mps2(&self, time_s: f64) -> f64 {
+        let since_s = time_s - self.from_s;
+        match since_s >= 0.0 {
+            false => 0.0,
+            true if self.frequency_hz == 0.0 => self.amplitude_mps2,
+            true => {
+                let turns = self.frequency_hz * since_s;
+                self.amplitude_mps2 * libm::sin(core::f64::consts::TAU * turns)
+            }
+        }
+    }
 }
 
 /// The single-structure MPC: what it has in place of the coordination layer.
@@ -205,6 +253,12 @@ pub struct LmlCalibration {
     pub gap_m: f64,
     /// Lateral distance to an obstacle's centre at which it is passed \[m\]; ours.
     pub passing_distance_m: f64,
+    /// Whether a truck behind an obstacle is told on which side to pass; ours. Without it the
+    /// potential is symmetric and a truck straight behind a van stays there.
+    pub passing_side_rule: bool,
+    /// Whether obstacles are predicted over the horizon [MCF, Algorithm 1, line 18]; false keeps
+    /// them where they are now.
+    pub obstacles_predicted: bool,
     /// Quadratic slack weights H of lateral position, gap, lateral acceleration; ours.
     pub slack_quadratic: [f64; 3],
     /// Exact (linear) slack weights of the same; ours.
@@ -254,6 +308,7 @@ impl Default for UclCalibration {
             accel_min_mps2: -6.0,
             accel_max_mps2: 2.5,
             speed_margin_mps: 4.0,
+            excitation: Excitation::default(),
         }
     }
 }
@@ -295,6 +350,8 @@ impl Default for LmlCalibration {
             lateral_accel_max_mps2: 3.0,
             gap_m: 9.0,
             passing_distance_m: 2.75,
+            passing_side_rule: true,
+            obstacles_predicted: true,
             slack_quadratic: [1e5, 1e5, 1e4],
             slack_linear: [3e4, 3e4, 3e3],
         }
@@ -372,6 +429,9 @@ impl Calibration {
             ("dmpc.own_weight.1", dmpc.own_weight[1]),
             ("dmpc.neighbour_weight.0", dmpc.neighbour_weight[0]),
             ("dmpc.neighbour_weight.1", dmpc.neighbour_weight[1]),
+            ("ucl.excitation.amplitude_mps2", ucl.excitation.amplitude_mps2),
+            ("ucl.excitation.frequency_hz", ucl.excitation.frequency_hz),
+            ("ucl.excitation.from_s", ucl.excitation.from_s),
         ];
         let negative =
             [("ucl.accel_min_mps2", ucl.accel_min_mps2), ("lml.force_min_kn", lml.force_min_kn)];

@@ -128,9 +128,10 @@ impl<S: QpSolver> Law<S> {
         memory.plan = lml::shifted(&memory.plan, since_solve_s);
 
         let surroundings = Surroundings::new(&cal.lml, &cal.truck, seen);
-        let potentials =
-            || surroundings.potentials(&cal.lml, seen.ego.x_m, seen.ego.y_m, 0.0).map(|u| u.value);
-        let q_ref = reference_weight(&cal.lml, potentials());
+        let mut potential = 0.0;
+        let potentials = surroundings.potentials_now(&cal.lml, seen.ego.x_m, seen.ego.y_m);
+        let values = potentials.map(|u| u.value).inspect(|value| potential += value);
+        let q_ref = reference_weight(&cal.lml, values);
         let request = Request {
             v_ref_mps: aim.ucl.v_ref_mps,
             slot: aim.slot,
@@ -146,7 +147,7 @@ impl<S: QpSolver> Law<S> {
         let solution = self.solver.solve(&qp, &mut memory.working_set);
         mark(Phase::Qp);
         let (outcome, slack) = keep_plan(memory, &solution);
-        let report = LmlReport { potential: potentials().sum(), q_ref, slack, qp: solution.report };
+        let report = LmlReport { potential, q_ref, slack, qp: solution.report };
         (outcome, report)
     }
 

@@ -21,6 +21,7 @@ mod calibration;
 mod decision;
 pub mod dmpc;
 mod history;
+mod lanes;
 mod law;
 mod lml;
 mod memory;
@@ -34,9 +35,16 @@ mod surroundings;
 mod ucl;
 mod weight;
 
+/// The parts of a step, for benchmarks; they change without notice.
+#[doc(hidden)]
+pub mod parts {
+    pub use crate::bicycle::Bicycle;
+    pub use crate::prediction::{Prediction, predict};
+}
+
 pub use calibration::{
-    Calibration, CoordinationLaw, DelayReading, LmlCalibration, SingleMpcCalibration, Structure,
-    TruckBelief, UclCalibration,
+    Calibration, CoordinationLaw, DelayReading, Excitation, LmlCalibration, SingleMpcCalibration,
+    Structure, TruckBelief, UclCalibration,
 };
 pub use decision::{Decision, LmlReport, Outcome, QpReport, UclReport};
 pub use law::{Law, Phase};

@@ -16,11 +16,11 @@ use crate::bicycle::Bicycle;
 use crate::calibration::{Calibration, LmlCalibration};
 use crate::dmpc::Course;
 use crate::observation::Observation;
-use crate::potential;
-use crate::prediction::{Instant, STEP_S, STEPS, block, predict};
-use crate::qp::{BLOCKS, INPUTS, Qp, SLACKS, VARIABLES};
+use crate::potential::{self, PositionCost};
+use crate::prediction::{Gain, Instant, PLANNED, STEP_S, STEPS, WIDTH, block, predict};
+use crate::qp::{BLOCKS, INPUTS, Qp, ROWS, SLACKS, VARIABLES};
 use crate::single_mpc::Slot;
-use crate::surroundings::Surroundings;
+use crate::surroundings::{PositionLimits, Surroundings};
 
 /// First row of the position limits: three per prediction step.
 const POSITION_ROWS: usize = INPUTS;
@@ -62,20 +62,22 @@ pub fn build(
     let ego = &seen.ego;
     let start =
         [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
-    let instants = predict(model, &start, &request.plan);
     let mut builder =
-        Builder { cal: &cal.lml, request, plan: flatten(&request.plan), qp: Qp::empty() };
+        Builder { cal: &cal.lml, request, normal: [[0.0; WIDTH]; INPUTS], qp: Qp::empty() };
     builder.input_cost();
     builder.slack_cost();
     builder.input_limits();
     builder.rate_limits();
-    for (k, instant) in instants.iter().enumerate() {
-        builder.tracking_cost(instant, seen.mission.desired_y_m);
-        builder.slot_cost(k, instant);
-        builder.potential_cost(k, instant, surroundings);
-        builder.position_limits(k, instant, surroundings);
+    for (k, instant) in predict(model, &start, &request.plan).enumerate() {
+        let met = surroundings.meet(&cal.lml, instant.state[X], instant.state[Y], k);
+        let mut cost = builder.tracking_cost(&instant, seen.mission.desired_y_m);
+        builder.slot_cost(k, &instant, &mut cost);
+        cost.position.add_scaled(cal.lml.q_obs, &met.potential);
+        builder.edge_cost(&instant, surroundings, &mut cost);
+        builder.add(&instant, &cost);
+        builder.position_limits(k, &instant, &met.limits);
         if k % 2 == 0 {
-            builder.acceleration_limits(k / 2, instant);
+            builder.acceleration_limits(k / 2, &instant);
         }
     }
     builder.finish()
@@ -85,9 +87,18 @@ pub fn build(
 struct Builder<'a> {
     cal: &'a LmlCalibration,
     request: &'a Request,
-    /// w̄, flat.
-    plan: [f64; INPUTS],
+    /// What the instants add: row i holds the Hessian from column i on, and the gradient's entry
+    /// at [`PLANNED`]. Entries before column i, rounded down to even, are not kept.
+    normal: [Gain; INPUTS],
     qp: Qp,
+}
+
+/// What one instant costs, to second order in the changes of its speed and position.
+#[derive(Debug, Clone, Copy, Default)]
+struct InstantCost {
+    /// Slope and curvature by speed.
+    speed: (f64, f64),
+    position: PositionCost,
 }
 
 impl Builder<'_> {
@@ -136,55 +147,70 @@ impl Builder<'_> {
     }
 
     /// Q_Y and Q_ref terms of one predicted instant.
-    fn tracking_cost(&mut self, instant: &Instant, desired_y_m: f64) {
-        let y_error = instant.state[Y] - desired_y_m;
-        self.quadratic(&instant.gain[Y], 2.0 * self.cal.q_y, 2.0 * self.cal.q_y * y_error);
+    fn tracking_cost(&self, instant: &Instant, desired_y_m: f64) -> InstantCost {
+        let (by_y, by_speed) = (2.0 * self.cal.q_y, 2.0 * self.request.q_ref);
+        let mut cost = InstantCost::default();
+        cost.position.slope[1] = by_y * (instant.state[Y] - desired_y_m);
+        cost.position.yy = by_y;
         if self.request.course.is_none() {
-            let speed_error = instant.state[SPEED] - self.request.v_ref_mps;
-            let weight = 2.0 * self.request.q_ref;
-            self.quadratic(&instant.gain[SPEED], weight, weight * speed_error);
+            cost.speed = (by_speed * (instant.state[SPEED] - self.request.v_ref_mps), by_speed);
         }
+        cost
     }
 
     /// Q_X term of one predicted instant.
-    fn slot_cost(&mut self, k: usize, instant: &Instant) {
+    fn slot_cost(&self, k: usize, instant: &Instant, cost: &mut InstantCost) {
         if let Some(slot) = self.request.slot {
             let error = instant.state[X] - (slot.x_m + slot.speed_mps * ahead_s(k));
-            self.quadratic(&instant.gain[X], 2.0 * slot.weight, 2.0 * slot.weight * error);
+            cost.position.slope[0] += 2.0 * slot.weight * error;
+            cost.position.xx += 2.0 * slot.weight;
         }
     }
 
-    /// Potentials of obstacles and road edges at one predicted instant.
-    fn potential_cost(&mut self, k: usize, instant: &Instant, surroundings: &Surroundings) {
-        let (x, y) = (instant.state[X], instant.state[Y]);
-        let weight = self.cal.q_obs;
-        for model in surroundings.potentials(self.cal, x, y, ahead_s(k)) {
-            if model.curvature == 0.0 {
-                continue;
-            }
-            let mut radial = [0.0; INPUTS];
-            for (j, r) in radial.iter_mut().enumerate() {
-                *r = model.along_x * instant.gain[X][j] + model.along_y * instant.gain[Y][j];
-            }
-            self.quadratic(&radial, weight * model.curvature, weight * model.slope);
-        }
-        for (distance, sign) in surroundings.edge_distances(y).into_iter().zip([1.0, -1.0]) {
+    /// Potentials of the road's edges at one predicted instant.
+    fn edge_cost(&self, instant: &Instant, surroundings: &Surroundings, cost: &mut InstantCost) {
+        let distances = surroundings.edge_distances(instant.state[Y]);
+        for (distance, sign) in distances.into_iter().zip([1.0, -1.0]) {
             let (_, slope, curvature) = potential::road_edge(self.cal, distance);
-            if curvature > 0.0 {
-                self.quadratic(&instant.gain[Y], curvature, sign * slope);
-            }
+            cost.position.slope[1] += sign * slope;
+            cost.position.yy += curvature;
         }
     }
 
-    /// Adds `slope q + curvature q²/2` with `q = row (w - w̄)`.
-    fn quadratic(&mut self, row: &[f64; INPUTS], curvature: f64, slope: f64) {
-        let offset: f64 = row.iter().zip(&self.plan).map(|(g, w)| g * w).sum();
-        let linear = slope - curvature * offset;
-        for j in 0..INPUTS {
-            let scaled = curvature * row[j];
-            self.qp.gradient[j] += linear * row[j];
-            for i in 0..=j {
-                self.qp.hessian[(i, j)] += scaled * row[i];
+    /// Adds the cost of one instant: with q = G (w - w̄), `slope' q + q' W q / 2`.
+    ///
+    /// Its gradient in w is `G' (slope - W G w̄)`, its Hessian `G' W G`: with G w̄ beside G, one
+    /// sum of outer products gives both.
+    fn add(&mut self, instant: &Instant, cost: &InstantCost) {
+        let (x, y, u) = (&instant.gain[X], &instant.gain[Y], &instant.gain[SPEED]);
+        let at = &cost.position;
+        let by_u = weighed(|j| cost.speed.1 * u[j], cost.speed.0);
+        let by_y = weighed(|j| at.xy * x[j] + at.yy * y[j], at.slope[1]);
+        // Without an obstacle near, the way along the road costs nothing.
+        if at.xx == 0.0 && at.xy == 0.0 && at.slope[0] == 0.0 {
+            self.add_products([(u, &by_u), (y, &by_y)]);
+        } else {
+            let by_x = weighed(|j| at.xx * x[j] + at.xy * y[j], at.slope[0]);
+            self.add_products([(u, &by_u), (y, &by_y), (x, &by_x)]);
+        }
+    }
+
+    /// Adds outer products, pairs of rows from their diagonal on.
+    fn add_products<const N: usize>(&mut self, products: [(&Gain, &Gain); N]) {
+        self.add_rows::<0, N>(&products);
+        self.add_rows::<2, N>(&products);
+        self.add_rows::<4, N>(&products);
+        self.add_rows::<6, N>(&products);
+        self.add_rows::<8, N>(&products);
+    }
+
+    #[inline(always)]
+    fn add_rows<const ROW: usize, const N: usize>(&mut self, products: &[(&Gain, &Gain); N]) {
+        for i in [ROW, ROW + 1] {
+            for j in ROW..WIDTH {
+                for (left, right) in products {
+                    self.normal[i][j] += left[i] * right[j];
+                }
             }
         }
     }
@@ -220,46 +246,37 @@ impl Builder<'_> {
     }
 
     /// Lateral limits and the gap to what cannot be passed, each softened by its slack.
-    fn position_limits(&mut self, k: usize, instant: &Instant, surroundings: &Surroundings) {
-        let (x, y) = (instant.state[X], instant.state[Y]);
-        let limits = surroundings.limits(self.cal, x, y, ahead_s(k));
+    fn position_limits(&mut self, k: usize, instant: &Instant, limits: &PositionLimits) {
+        let (x, y) = (&instant.gain[X], &instant.gain[Y]);
         let row = POSITION_ROWS + 3 * k;
-        let y_offset = self.place_row(row, &instant.gain[Y], y);
+        for j in 0..INPUTS {
+            self.qp.rows.as_mut_slice()[j * ROWS + row..][..3].copy_from_slice(&[y[j], y[j], x[j]]);
+        }
         self.qp.rows[(row, INPUTS)] = -1.0;
-        self.limit_row(row, f64::NEG_INFINITY, limits.y_max_m - y_offset);
-        self.place_row(row + 1, &instant.gain[Y], y);
         self.qp.rows[(row + 1, INPUTS)] = 1.0;
-        self.limit_row(row + 1, limits.y_min_m - y_offset, f64::INFINITY);
-        let x_offset = self.place_row(row + 2, &instant.gain[X], x);
         self.qp.rows[(row + 2, INPUTS + 1)] = -1.0;
-        self.limit_row(row + 2, f64::NEG_INFINITY, limits.x_max_m - x_offset);
+        // The part of a position that does not depend on the inputs.
+        let y_m = instant.state[Y] - y[PLANNED];
+        let x_m = instant.state[X] - x[PLANNED];
+        self.limit_row(row, f64::NEG_INFINITY, limits.y_max_m - y_m);
+        self.limit_row(row + 1, limits.y_min_m - y_m, f64::INFINITY);
+        self.limit_row(row + 2, f64::NEG_INFINITY, limits.x_max_m - x_m);
     }
 
     /// |u r| <= aymax, linearised, softened by its slack.
     fn acceleration_limits(&mut self, pair: usize, instant: &Instant) {
         let (u, r) = (instant.state[SPEED], instant.state[YAW]);
-        let mut gain = [0.0; INPUTS];
-        for (j, g) in gain.iter_mut().enumerate() {
-            *g = u * instant.gain[YAW][j] + r * instant.gain[SPEED][j];
-        }
-        let limit = self.cal.lateral_accel_max_mps2;
+        let (by_u, by_r) = (&instant.gain[SPEED], &instant.gain[YAW]);
+        let gain: Gain = core::array::from_fn(|j| u * by_r[j] + r * by_u[j]);
         let row = ACCELERATION_ROWS + 2 * pair;
-        let offset = self.place_row(row, &gain, u * r);
-        self.qp.rows[(row, INPUTS + 2)] = -1.0;
-        self.limit_row(row, f64::NEG_INFINITY, limit - offset);
-        self.place_row(row + 1, &gain, u * r);
-        self.qp.rows[(row + 1, INPUTS + 2)] = 1.0;
-        self.limit_row(row + 1, -limit - offset, f64::INFINITY);
-    }
-
-    /// Writes a row's inputs and returns the part of `value` that does not depend on them.
-    fn place_row(&mut self, row: usize, gain: &[f64; INPUTS], value: f64) -> f64 {
-        let mut offset = value;
         for j in 0..INPUTS {
-            self.qp.rows[(row, j)] = gain[j];
-            offset -= gain[j] * self.plan[j];
+            self.qp.rows.as_mut_slice()[j * ROWS + row..][..2].fill(gain[j]);
         }
-        offset
+        self.qp.rows[(row, INPUTS + 2)] = -1.0;
+        self.qp.rows[(row + 1, INPUTS + 2)] = 1.0;
+        let (limit, offset) = (self.cal.lateral_accel_max_mps2, u * r - gain[PLANNED]);
+        self.limit_row(row, f64::NEG_INFINITY, limit - offset);
+        self.limit_row(row + 1, -limit - offset, f64::INFINITY);
     }
 
     fn limit_row(&mut self, row: usize, lower: f64, upper: f64) {
@@ -267,20 +284,30 @@ impl Builder<'_> {
         self.qp.upper[VARIABLES + row] = upper;
     }
 
-    /// Completes the Hessian's lower triangle.
+    /// Adds what the instants gave and completes the Hessian's lower triangle.
     fn finish(mut self) -> Qp {
-        self.qp.hessian.fill_lower_triangle_with_upper_triangle();
+        for (i, row) in self.normal.iter().enumerate() {
+            for j in i..INPUTS {
+                self.qp.hessian[(i, j)] += row[j];
+                self.qp.hessian[(j, i)] = self.qp.hessian[(i, j)];
+            }
+            self.qp.gradient[i] += row[PLANNED];
+        }
         self.qp
     }
+}
+
+/// One row of W G, and at [`PLANNED`] of `slope - W G w̄`.
+#[inline(always)]
+fn weighed(entry: impl Fn(usize) -> f64, slope: f64) -> Gain {
+    let mut row: Gain = core::array::from_fn(entry);
+    row[PLANNED] = slope - row[PLANNED];
+    row
 }
 
 /// Time of prediction step `k`, counted from zero, after now \[s\].
 fn ahead_s(k: usize) -> f64 {
     (k + 1) as f64 * STEP_S
-}
-
-fn flatten(plan: &[[f64; 2]; BLOCKS]) -> [f64; INPUTS] {
-    core::array::from_fn(|i| plan[i / 2][i % 2])
 }
 
 /// The plan `elapsed_s` later: blended towards its shift by one block, by the share of a prediction

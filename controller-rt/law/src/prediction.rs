@@ -5,87 +5,110 @@
 //! per tick enough (the real-time iteration of Diehl, Bock & Schlöder, SIAM J. Control Optim.
 //! 43(5), 2005).
 
-use crate::bicycle::{Bicycle, COLUMNS, IDENTITY, STATES, State};
+mod rollout;
+mod tangent;
+
+use crate::bicycle::{Bicycle, STATES, State};
+use crate::lanes::LANES;
 use crate::qp::{BLOCKS, INPUTS};
+use rollout::{GROUPS, rollout};
+use tangent::Tangent;
 
 /// Prediction steps N_p [MCF, Table II].
 pub const STEPS: usize = 25;
 /// Length T of a prediction step \[s\]; ours. A horizon below 2.5 s gets stuck behind obstacles.
 pub const STEP_S: f64 = 0.1;
-/// Runge-Kutta steps per prediction step.
-const SUBSTEPS: usize = 2;
+/// Width of a row of gains: the inputs, the part of the state that the plan makes, one to spare.
+pub const WIDTH: usize = INPUTS + 2;
+/// Where a row holds the part that the plan makes.
+pub const PLANNED: usize = INPUTS;
 
 /// The control block whose input acts from step `k` to `k + 1`; the last one is held.
 pub const fn block(k: usize) -> usize {
     if k < BLOCKS { k } else { BLOCKS - 1 }
 }
 
+/// How one state answers to every planned input (kN and degrees in turn), and at [`PLANNED`] the
+/// sum of that over the plan: G w̄.
+pub type Gain = [f64; WIDTH];
+
 /// One predicted instant: the state, and its sensitivity to every planned input.
 #[derive(Debug, Clone, Copy)]
 pub struct Instant {
     /// Predicted state x̄_k.
     pub state: State,
-    /// Row i, column j: change of state i per unit of input j (kN and degrees in turn).
-    pub gain: [[f64; INPUTS]; STATES],
+    /// One row per state.
+    pub gain: [Gain; STATES],
+}
+
+/// A plan's future, instant by instant from step 1 to N_p.
+#[derive(Debug, Clone, Copy)]
+pub struct Prediction {
+    tangents: [Tangent; GROUPS],
+    /// ū, v, r, φ at every step.
+    ends: [[f64; 4]; STEPS],
+    plan: [[f64; 2]; BLOCKS],
+    /// Steps given out.
+    given: usize,
+    last: Instant,
 }
 
 /// Predicts the states at steps 1 to N_p under `plan`.
-pub fn predict(model: &Bicycle, start: &State, plan: &[[f64; 2]; BLOCKS]) -> [Instant; STEPS] {
-    let mut instants = [Instant { state: *start, gain: [[0.0; INPUTS]; STATES] }; STEPS];
-    let mut last = instants[0];
-    for (k, instant) in instants.iter_mut().enumerate() {
-        let input = plan[block(k)];
-        let (mut state, mut local) = (last.state, IDENTITY);
-        for _ in 0..SUBSTEPS {
-            (state, local) = model.advance(&state, &local, input, STEP_S / SUBSTEPS as f64);
-        }
-        // G_{k+1} = A_k G_k + B_k E_k; the columns of inputs not used yet stay zero, and those of
-        // A_k to X and Y are the identity's.
-        let mut gain = [[0.0; INPUTS]; STATES];
-        let used = 2 * (block(k) + 1);
-        for i in 0..STATES {
-            for j in 0..used {
-                let mut sum = if i >= 4 { last.gain[i][j] } else { 0.0 };
-                for m in 0..4 {
-                    sum += local[i][m] * last.gain[m][j];
-                }
-                gain[i][j] = sum;
-            }
-            gain[i][used - 2] += local[i][COLUMNS - 2];
-            gain[i][used - 1] += local[i][COLUMNS - 1];
-        }
-        last = Instant { state, gain };
-        *instant = last;
+pub fn predict(model: &Bicycle, start: &State, plan: &[[f64; 2]; BLOCKS]) -> Prediction {
+    let rollout = rollout(model, start, plan);
+    Prediction {
+        tangents: core::array::from_fn(|group| Tangent::of(model, &rollout.groups[group])),
+        ends: rollout.ends,
+        plan: *plan,
+        given: 0,
+        last: Instant { state: *start, gain: [[0.0; WIDTH]; STATES] },
     }
-    instants
+}
+
+impl Iterator for Prediction {
+    type Item = Instant;
+
+    /// G_{k+1} = A_k G_k + B_k E_k; the columns of inputs not used yet stay zero.
+    #[inline]
+    fn next(&mut self) -> Option<Instant> {
+        let k = self.given;
+        let end = self.ends.get(k)?;
+        self.given += 1;
+        let (tangent, lane) = (&self.tangents[k / LANES], k % LANES);
+        let a = |row: usize, column: usize| tangent.columns[column][row].0[lane];
+        let way = tangent.way.map(|way| way.0[lane]);
+        let [u, v, r, phi, x, y] = &self.last.gain;
+        let of_core = |row: usize| -> Gain {
+            let (by_u, by_v, by_r) = (a(row, 0), a(row, 1), a(row, 2));
+            core::array::from_fn(|j| by_u * u[j] + by_v * v[j] + by_r * r[j])
+        };
+        // A turn of the start by dφ moves the end by dφ times the way, turned to the left.
+        let turned = |row: usize, by_phi: f64, kept: &Gain| -> Gain {
+            let of_core = of_core(row);
+            core::array::from_fn(|j| of_core[j] + by_phi * phi[j] + kept[j])
+        };
+        let mut gain = [
+            of_core(0),
+            of_core(1),
+            of_core(2),
+            turned(3, 1.0, &[0.0; WIDTH]),
+            turned(4, -way[1], x),
+            turned(5, way[0], y),
+        ];
+        let (at, input) = (2 * block(k), self.plan[block(k)]);
+        for (row, gain) in gain.iter_mut().enumerate() {
+            let (force, steering) = (a(row, 3), a(row, 4));
+            gain[at] += force;
+            gain[at + 1] += steering;
+            gain[PLANNED] += force * input[0] + steering * input[1];
+        }
+        let [_, _, _, _, x_m, y_m] = self.last.state;
+        let state = [end[0], end[1], end[2], end[3], x_m + way[0], y_m + way[1]];
+        self.last = Instant { state, gain };
+        Some(self.last)
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::calibration::TruckBelief;
-
-    #[test]
-    fn gains_agree_with_central_differences_of_the_rollout() {
-        let model = Bicycle::new(&TruckBelief::default());
-        let start = [18.0, 0.05, 0.02, 0.01, 5.0, 1.0];
-        let plan = [[2.0, 1.0], [5.0, 1.5], [-3.0, 0.5], [-8.0, -1.0], [0.0, -0.2]];
-        let instants = predict(&model, &start, &plan);
-        for j in 0..INPUTS {
-            let nudge = 1e-4;
-            let moved = |sign: f64| {
-                let mut plan = plan;
-                plan[j / 2][j % 2] += sign * nudge;
-                predict(&model, &start, &plan)
-            };
-            let (up, down) = (moved(1.0), moved(-1.0));
-            for k in 0..STEPS {
-                for i in 0..STATES {
-                    let difference = (up[k].state[i] - down[k].state[i]) / (2.0 * nudge);
-                    let error = (instants[k].gain[i][j] - difference).abs();
-                    assert!(error < 1e-6, "step {k}, state {i}, input {j}: {error:e}");
-                }
-            }
-        }
-    }
-}
+#[path = "prediction/tests.rs"]
+mod tests;

@@ -10,7 +10,9 @@
 //! as the inputs' bounds and rate limits agree.
 
 mod active_set;
+mod factors;
 mod kkt;
+mod row;
 
 pub use active_set::{ActiveSet, ITERATIONS_MAX};
 pub use kkt::kkt_residual;
@@ -19,6 +21,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use crate::decision::QpReport;
+use row::Row;
 
 /// Control blocks N_c [MCF, Table II].
 pub const BLOCKS: usize = 5;
@@ -61,28 +64,55 @@ impl Qp {
     }
 
     /// The normal of constraint `i`: a unit vector for a bound, a row of A otherwise.
-    fn normal(&self, i: usize) -> SVector<f64, VARIABLES> {
-        let mut normal = SVector::zeros();
+    fn normal(&self, i: usize) -> Row {
+        let mut normal = Row::ZERO;
         if i < VARIABLES {
-            normal[i] = 1.0;
+            normal.0[i] = 1.0;
         } else {
             for j in 0..VARIABLES {
-                normal[j] = self.rows[(i - VARIABLES, j)];
+                normal.0[j] = self.rows[(i - VARIABLES, j)];
             }
         }
         normal
     }
 
+    fn gradient_row(&self) -> Row {
+        Row::of(self.gradient.as_slice())
+    }
+
+    /// `H z + g`.
+    fn slope(&self, z: &Row) -> Row {
+        let mut slope = self.gradient_row();
+        // Symmetric: a column is a row.
+        for (column, &z) in self.hessian.as_slice().chunks_exact(VARIABLES).zip(&z.0) {
+            slope.add_scaled(z, &Row::of(column));
+        }
+        slope
+    }
+
     /// All constrained quantities at `z`: the variables, then A z.
-    fn values(&self, z: &SVector<f64, VARIABLES>) -> [f64; CONSTRAINTS] {
+    fn values(&self, z: &Row) -> [f64; CONSTRAINTS] {
+        /// Rows worked on at once.
+        const AT_ONCE: usize = 16;
         let mut values = [0.0; CONSTRAINTS];
-        values[..VARIABLES].copy_from_slice(z.as_slice());
+        values[..VARIABLES].copy_from_slice(&z.0[..VARIABLES]);
         let rows = &mut values[VARIABLES..];
-        // Column by column, so that the compiler can work on many rows at once.
-        for (column, &z_j) in self.rows.as_slice().chunks_exact(ROWS).zip(z.iter()) {
-            for (value, &a) in rows.iter_mut().zip(column) {
-                *value += a * z_j;
+        let columns = self.rows.as_slice();
+        let mut from = 0;
+        while from < ROWS {
+            // The last ones overlap with those before.
+            from = from.min(ROWS - AT_ONCE);
+            let mut sums = [0.0; AT_ONCE];
+            for (column, &z_j) in columns.chunks_exact(ROWS).zip(&z.0) {
+                // The slacks are zero nearly always.
+                if z_j != 0.0 {
+                    for (sum, a) in sums.iter_mut().zip(&column[from..from + AT_ONCE]) {
+                        *sum += a * z_j;
+                    }
+                }
             }
+            rows[from..from + AT_ONCE].copy_from_slice(&sums);
+            from += AT_ONCE;
         }
         values
     }
@@ -120,6 +150,16 @@ impl WorkingSet {
             *member = Some(active);
         }
         set
+    }
+
+    /// Whether nothing is in it.
+    pub fn is_empty(&self) -> bool {
+        self.members[0].is_none()
+    }
+
+    /// Whether it is the natural guess, in whatever order.
+    fn is_natural(&self) -> bool {
+        self.bits() == Self::natural().bits() && self.iter().all(|active| !active.upper)
     }
 
     /// The members, in order.

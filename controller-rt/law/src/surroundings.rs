@@ -5,7 +5,8 @@
 use crate::calibration::{LmlCalibration, TruckBelief};
 use crate::history::seconds_between;
 use crate::observation::{Mission, OBSTACLES_MAX, Observation, Obstacle, ObstacleKind};
-use crate::potential::{self, RadialModel, SafeDistance};
+use crate::potential::{Field, PositionCost, RadialModel, SafeDistance};
+use crate::prediction::{STEP_S, STEPS};
 
 /// An obstacle's lateral motion is believed to fade with this time constant \[s\]: lane changes
 /// end.
@@ -33,9 +34,53 @@ pub struct PositionLimits {
     pub x_max_m: f64,
 }
 
+/// What the obstacles mean to a truck at one predicted place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Meeting {
+    /// Sum of their potentials.
+    pub potential: PositionCost,
+    /// What they and the road leave.
+    pub limits: PositionLimits,
+}
+
+/// Where an obstacle is at some instant, and from there to the truck.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    x_m: f64,
+    y_m: f64,
+    dx_m: f64,
+    dy_m: f64,
+}
+
+/// A time ahead of now, and what is left of a lateral motion after it.
+#[derive(Debug, Clone, Copy)]
+struct Ahead {
+    time_s: f64,
+    fade: f64,
+}
+
+impl Ahead {
+    const NOW: Self = Self { time_s: 0.0, fade: 1.0 };
+
+    /// The prediction's steps.
+    const STEPS: [Self; STEPS] = {
+        // exp(-STEP_S / LATERAL_FADE_S)
+        const FADE: f64 = 0.866_877_899_750_181_6;
+        let mut steps = [Self::NOW; STEPS];
+        let (mut k, mut fade) = (0, 1.0);
+        while k < STEPS {
+            fade *= FADE;
+            steps[k] = Self { time_s: (k + 1) as f64 * STEP_S, fade };
+            k += 1;
+        }
+        steps
+    };
+}
+
 /// What surrounds the truck, as seen at one tick.
 #[derive(Debug, Clone, Copy)]
 pub struct Surroundings {
+    field: Field,
     threats: [Option<Threat>; OBSTACLES_MAX],
     y_min_m: f64,
     y_max_m: f64,
@@ -47,6 +92,12 @@ struct Threat {
     obstacle: Obstacle,
     /// Seconds from its measurement to now.
     age_s: f64,
+    /// What is left of its lateral motion after that.
+    fade: f64,
+    /// Whether it is believed to move on.
+    predicted: bool,
+    /// Whether the truck is told on which side to pass.
+    has_side_rule: bool,
     safe: SafeDistance,
     /// Where the truck would drive if there were no obstacles.
     desired_y_m: f64,
@@ -60,7 +111,8 @@ impl Surroundings {
     /// Assesses road and obstacles of an observation.
     pub fn new(cal: &LmlCalibration, truck: &TruckBelief, seen: &Observation) -> Self {
         let (y_min_m, y_max_m) = lateral_limits(cal, truck, &seen.mission);
-        let mut surroundings = Self { threats: [None; OBSTACLES_MAX], y_min_m, y_max_m };
+        let (field, threats) = (Field::new(cal), [None; OBSTACLES_MAX]);
+        let mut surroundings = Self { field, threats, y_min_m, y_max_m };
         for (threat, obstacle) in surroundings.threats.iter_mut().zip(seen.obstacles) {
             *threat = obstacle.map(|obstacle| {
                 let age_s = seconds_between(obstacle.time_ns, seen.time_ns).max(0.0);
@@ -70,25 +122,33 @@ impl Surroundings {
         surroundings
     }
 
-    /// The obstacles' potentials for a truck at (`x_m`, `y_m`), `ahead_s` from now.
-    pub fn potentials<'a>(
+    /// The obstacles' potentials for a truck that is at (`x_m`, `y_m`) now.
+    pub fn potentials_now<'a>(
         &'a self,
         cal: &'a LmlCalibration,
         x_m: f64,
         y_m: f64,
-        ahead_s: f64,
     ) -> impl Iterator<Item = RadialModel> + 'a {
-        self.threats.iter().flatten().map(move |threat| threat.potential(cal, x_m, y_m, ahead_s))
+        let there = move |threat: &Threat| threat.place(x_m, y_m, Ahead::NOW);
+        let threats = self.threats.iter().flatten();
+        threats.map(move |threat| threat.potential(cal, &self.field, &there(threat)))
     }
 
-    /// Limits on the position of a truck predicted at (`x_m`, `y_m`), `ahead_s` from now.
-    pub fn limits(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, ahead_s: f64) -> PositionLimits {
-        let mut limits =
+    /// What a truck predicted at (`x_m`, `y_m`) at the end of step `k` meets there.
+    pub fn meet(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, k: usize) -> Meeting {
+        self.meet_at(cal, x_m, y_m, Ahead::STEPS[k])
+    }
+
+    fn meet_at(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, ahead: Ahead) -> Meeting {
+        let limits =
             PositionLimits { y_min_m: self.y_min_m, y_max_m: self.y_max_m, x_max_m: f64::INFINITY };
+        let mut met = Meeting { potential: PositionCost::default(), limits };
         for threat in self.threats.iter().flatten() {
-            threat.tighten(cal, x_m, y_m, ahead_s, &mut limits);
+            let place = threat.place(x_m, y_m, ahead);
+            met.potential.add(&threat.potential(cal, &self.field, &place).into());
+            threat.tighten(cal, &place, &mut met.limits);
         }
-        limits
+        met
     }
 
     /// Distances of `y_m` to the right and left lateral limits \[m\].
@@ -115,14 +175,16 @@ impl Threat {
         let mut threat = Self {
             obstacle,
             age_s,
+            fade: libm::exp(-age_s / LATERAL_FADE_S),
+            predicted: cal.obstacles_predicted,
+            has_side_rule: cal.passing_side_rule,
             safe: SafeDistance { x_m: cal.x_0_m, y_m: cal.y_0_m },
             desired_y_m: seen.mission.desired_y_m,
             left_passable: obstacle.y_m + cal.passing_distance_m <= y_max_m + PASSABLE_TOLERANCE_M,
             right_passable: obstacle.y_m - cal.passing_distance_m >= y_min_m - PASSABLE_TOLERANCE_M,
             truck_behind: false,
         };
-        let (x, y) = threat.position(0.0);
-        let (dx, dy) = (ego.x_m - x, ego.y_m - y);
+        let Place { dx_m: dx, dy_m: dy, .. } = threat.place(ego.x_m, ego.y_m, Ahead::NOW);
         threat.truck_behind = dx < ABREAST_M.start;
         let dy = threat.side(dx, dy);
         // Closing speeds count towards the obstacle: positive when the distance shrinks.
@@ -134,21 +196,24 @@ impl Threat {
         threat
     }
 
-    /// Where the obstacle will be `ahead_s` from now: constant speed along the road, lateral motion
-    /// that fades.
-    fn position(&self, ahead_s: f64) -> (f64, f64) {
-        let t = self.age_s + ahead_s;
-        let drift_s = LATERAL_FADE_S * (1.0 - libm::exp(-t / LATERAL_FADE_S));
-        (
-            self.obstacle.x_m + self.obstacle.vx_mps * t,
-            self.obstacle.y_m + self.obstacle.vy_mps * drift_s,
-        )
+    /// Where the obstacle will be, against a truck at (`x_m`, `y_m`): it keeps its speed along the
+    /// road, its lateral motion fades.
+    fn place(&self, x_m: f64, y_m: f64, ahead: Ahead) -> Place {
+        let (time_s, fade) = match self.predicted {
+            true => (self.age_s + ahead.time_s, self.fade * ahead.fade),
+            false => (self.age_s, self.fade),
+        };
+        let drift_s = LATERAL_FADE_S * (1.0 - fade);
+        let x = self.obstacle.x_m + self.obstacle.vx_mps * time_s;
+        let y = self.obstacle.y_m + self.obstacle.vy_mps * drift_s;
+        Place { x_m: x, y_m: y, dx_m: x_m - x, dy_m: y_m - y }
     }
 
     /// The lateral distance at which the potential is evaluated: the true one, unless the truck is
     /// behind and must be told a side.
     fn side(&self, dx_m: f64, dy_m: f64) -> f64 {
-        if dx_m >= 0.0 || self.obstacle.kind == ObstacleKind::Bump {
+        let has_no_side = !self.has_side_rule || self.obstacle.kind == ObstacleKind::Bump;
+        if dx_m >= 0.0 || has_no_side {
             dy_m
         } else if self.left_passable && CHOOSE_LEFT_M.contains(&dy_m) {
             // Always to the left, as traffic rules have it.
@@ -161,11 +226,11 @@ impl Threat {
         }
     }
 
-    fn potential(&self, cal: &LmlCalibration, x_m: f64, y_m: f64, ahead_s: f64) -> RadialModel {
-        let (x, y) = self.position(ahead_s);
-        let (dx, dy) = (x_m - x, y_m - y);
-        let model = potential::obstacle(cal, self.obstacle.kind, self.safe, dx, self.side(dx, dy));
-        model.scaled(self.presence(cal, self.desired_y_m - y, dy))
+    fn potential(&self, cal: &LmlCalibration, field: &Field, place: &Place) -> RadialModel {
+        let Place { dx_m, dy_m, y_m, .. } = *place;
+        let side_m = self.side(dx_m, dy_m);
+        let model = field.obstacle(self.obstacle.kind, self.safe, dx_m, side_m);
+        model.scaled(self.presence(cal, self.desired_y_m - y_m, dy_m))
     }
 
     /// Share of the potential that is felt at lateral distance `dy_m` when the truck's own path is
@@ -189,19 +254,11 @@ impl Threat {
     }
 
     /// Keep-out rows beside the obstacle, gap row behind it.
-    fn tighten(
-        &self,
-        cal: &LmlCalibration,
-        x_m: f64,
-        y_m: f64,
-        ahead_s: f64,
-        limits: &mut PositionLimits,
-    ) {
+    fn tighten(&self, cal: &LmlCalibration, place: &Place, limits: &mut PositionLimits) {
+        let Place { x_m: x, y_m: y, dx_m: dx, dy_m: dy } = *place;
         if self.obstacle.kind == ObstacleKind::Bump {
             return;
         }
-        let (x, y) = self.position(ahead_s);
-        let (dx, dy) = (x_m - x, y_m - y);
         let passing_left = dy >= BESIDE_M && self.left_passable;
         let passing_right = dy <= -BESIDE_M && self.right_passable;
         if passing_left || passing_right {

@@ -14,6 +14,7 @@
 //! file and a word. The leader has no error of its own: its reference is the mission's set speed.
 
 mod cacc_path;
+mod excitation;
 mod feedforward;
 mod h_infinity;
 mod ploeg;
@@ -46,6 +47,8 @@ struct Situation {
     /// What the law asked for at the tick before \[m/s²\], and how long ago that was \[s\].
     asked_mps2: f64,
     elapsed_s: f64,
+    /// Bench time now \[s\].
+    time_s: f64,
 }
 
 impl Situation {
@@ -101,6 +104,7 @@ pub fn coordinate(
         set_speed_mps: mission.set_speed_mps,
         asked_mps2: memory.asked_mps2,
         elapsed_s,
+        time_s: 1e-9 * seen.time_ns as f64,
     };
     let u = match cal.law {
         CoordinationLaw::Published | CoordinationLaw::Synthesised => {
@@ -109,6 +113,7 @@ pub fn coordinate(
         CoordinationLaw::Feedforward => feedforward::accel_mps2(cal, &situation),
         CoordinationLaw::CaccPath => cacc_path::accel_mps2(&situation),
         CoordinationLaw::Ploeg => ploeg::accel_mps2(&situation),
+        CoordinationLaw::Excitation => excitation::accel_mps2(cal, &situation),
         CoordinationLaw::None => 0.0,
     };
     report.accel_mps2 = u.clamp(cal.accel_min_mps2, cal.accel_max_mps2);

@@ -1,66 +1,14 @@
 //! The recorded QPs: our solver against solutions refined to machine accuracy.
 
-use law::qp::{ActiveSet, CONSTRAINTS, Qp, QpSolver, ROWS, SolveStatus, VARIABLES, WorkingSet};
-use nalgebra::{SMatrix, SVector};
+use law::qp::{ActiveSet, QpSolver, SolveStatus, VARIABLES, WorkingSet};
+use recorded::{Recorded, recorded};
 
-struct Recorded {
-    sequence: u32,
-    qp: Qp,
-    exact: SVector<f64, VARIABLES>,
-}
-
-/// Reads the file described in `data/README.md`.
-fn recorded() -> Vec<Recorded> {
-    let mut bytes: &[u8] = include_bytes!("data/obstacle_avoidance.qps");
-    fn take<'a>(bytes: &mut &'a [u8], n: usize) -> &'a [u8] {
-        let (head, tail) = bytes.split_at(n);
-        *bytes = tail;
-        head
-    }
-    fn u32_of(bytes: &mut &[u8]) -> u32 {
-        u32::from_le_bytes(take(bytes, 4).try_into().expect("four bytes"))
-    }
-    fn u16_of(bytes: &mut &[u8]) -> usize {
-        u16::from_le_bytes(take(bytes, 2).try_into().expect("two bytes")).into()
-    }
-    fn f64_of(bytes: &mut &[u8]) -> f64 {
-        f64::from_le_bytes(take(bytes, 8).try_into().expect("eight bytes"))
-    }
-    assert_eq!(take(&mut bytes, 8), b"PLATOONQ");
-    let (count, pairs, slots) = (u32_of(&mut bytes), u32_of(&mut bytes), u32_of(&mut bytes));
-    let length = VARIABLES * VARIABLES + VARIABLES + ROWS * VARIABLES + 2 * CONSTRAINTS;
-    let template: Vec<f64> = (0..length).map(|_| f64_of(&mut bytes)).collect();
-    let pairs: Vec<_> = (0..pairs).map(|_| (u16_of(&mut bytes), u16_of(&mut bytes))).collect();
-    (0..count)
-        .map(|_| {
-            let sequence = u32_of(&mut bytes);
-            let values: Vec<f64> = (0..slots).map(|_| f64_of(&mut bytes)).collect();
-            let mut flat = template.clone();
-            for &(position, slot) in &pairs {
-                flat[position] = values[slot];
-            }
-            let mut flat = &flat[..];
-            let mut next = |n: usize| {
-                let (head, tail) = flat.split_at(n);
-                flat = tail;
-                head
-            };
-            let qp = Qp {
-                hessian: SMatrix::from_row_slice(next(VARIABLES * VARIABLES)),
-                gradient: SVector::from_row_slice(next(VARIABLES)),
-                rows: SMatrix::from_row_slice(next(ROWS * VARIABLES)),
-                lower: next(CONSTRAINTS).try_into().expect("as many as constraints"),
-                upper: next(CONSTRAINTS).try_into().expect("as many as constraints"),
-            };
-            let exact = SVector::from_fn(|_, _| f64_of(&mut bytes));
-            Recorded { sequence, qp, exact }
-        })
-        .collect()
-}
+mod recorded;
 
 fn assert_exact(i: usize, recorded: &Recorded, solution: &law::qp::Solution) {
     assert_eq!(solution.status, SolveStatus::Solved, "QP {i}");
-    let error = (solution.z - recorded.exact).amax();
+    let apart = solution.z.iter().zip(&recorded.exact).map(|(found, exact)| (found - exact).abs());
+    let error = apart.fold(0.0, f64::max);
     assert!(error < 1e-7, "QP {i}: off by {error:e}");
     let residual = solution.report.kkt_residual;
     assert!(residual < 1e-9, "QP {i}: KKT residual {residual:e}");

@@ -1,6 +1,6 @@
 use super::*;
 use crate::observation::{Ego, Mission, Observation, Obstacle, Plans};
-use crate::potential::SafeDistance;
+use crate::potential::{Field, SafeDistance};
 use crate::qp::{ActiveSet, QpSolver, SolveStatus, WorkingSet};
 
 fn seen(obstacle: Option<Obstacle>) -> Observation {
@@ -58,7 +58,7 @@ fn cost(
     let start =
         [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
     let mut sum = 0.0;
-    for (k, instant) in predict(&model, &start, plan).iter().enumerate() {
+    for (k, instant) in predict(&model, &start, plan).enumerate() {
         let y = instant.state[Y];
         sum += cal.lml.q_y * y * y;
         if let Some(slot) = request.slot {
@@ -69,7 +69,7 @@ fn cost(
         if let Some(o) = seen.obstacles[0] {
             let x_o = o.x_m + o.vx_mps * ahead_s(k);
             let (dx, dy) = (instant.state[X] - x_o, y - o.y_m);
-            sum += cal.lml.q_obs * potential::obstacle(&cal.lml, o.kind, safe, dx, dy).value;
+            sum += cal.lml.q_obs * Field::new(&cal.lml).obstacle(o.kind, safe, dx, dy).value;
         }
         for i in 0..2 {
             sum += cal.lml.s[i] * plan[block(k)][i].powi(2);

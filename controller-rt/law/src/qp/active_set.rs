@@ -8,11 +8,16 @@
 //! most violated one until none is left. The dual objective grows with every full step, so no
 //! working set comes back, degenerate or not. Work per iteration is bounded, nothing is allocated,
 //! ties are broken by index: equal problems give equal bits.
+//!
+//! Most problems of the motion layer have the natural working set, every slack at zero and no input
+//! limited. Then one factorisation, one pair of substitutions and one look at all rows is all there
+//! is to do; the factors of the method proper are worked out when that look finds something.
 
-use nalgebra::{SMatrix, SVector};
-
+use super::factors::{Cholesky, Factors};
+use super::kkt::residual_at;
+use super::row::Row;
 use super::{
-    Active, CONSTRAINTS, Qp, QpSolver, Solution, SolveStatus, VARIABLES, WorkingSet, kkt_residual,
+    Active, CONSTRAINTS, INPUTS, Qp, QpSolver, SLACKS, Solution, SolveStatus, VARIABLES, WorkingSet,
 };
 use crate::decision::QpReport;
 
@@ -25,22 +30,29 @@ const VIOLATION_MIN: f64 = 1e-10;
 /// A normal whose part outside the working set's span is relatively smaller depends on the set.
 const INDEPENDENCE_MIN: f64 = 1e-9;
 
-type Vector = SVector<f64, VARIABLES>;
-
 /// The dense dual active-set method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ActiveSet;
 
 impl QpSolver for ActiveSet {
     fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
-        let guess = if warm.iter().next().is_some() { *warm } else { WorkingSet::natural() };
-        let Some(mut search) = Search::start(qp) else {
+        let guess = if warm.is_empty() { WorkingSet::natural() } else { *warm };
+        let Some(cholesky) = Cholesky::of(qp) else {
             return Solution {
                 status: SolveStatus::Infeasible,
-                z: Vector::zeros(),
+                z: Row::ZERO.into(),
                 report: QpReport { kkt_residual: f64::INFINITY, ..QpReport::default() },
             };
         };
+        let slacks_held = qp.lower[INPUTS..VARIABLES].iter().all(|limit| limit.is_finite());
+        if slacks_held
+            && guess.is_natural()
+            && let Some(solution) = natural(qp, &cholesky)
+        {
+            *warm = WorkingSet::natural();
+            return solution;
+        }
+        let mut search = Search::start(qp, &cholesky, slacks_held);
         search.adopt(&guess);
         let status = search.run();
         search.refine();
@@ -49,60 +61,83 @@ impl QpSolver for ActiveSet {
     }
 }
 
+/// The solution with the natural working set; `None` when that is not optimal.
+fn natural(qp: &Qp, cholesky: &Cholesky) -> Option<Solution> {
+    let slacks: [f64; SLACKS] = core::array::from_fn(|i| qp.lower[INPUTS + i]);
+    let z = cholesky.minimise_inputs(qp, &slacks);
+    let slope = qp.slope(&z);
+    let held = core::array::from_fn::<_, SLACKS, _>(|i| (INPUTS + i, slope.0[INPUTS + i]));
+    // Written so that NaN is refused too.
+    if !held.iter().all(|&(_, multiplier)| multiplier >= 0.0) {
+        return None;
+    }
+    let values = qp.values(&z);
+    if is_any_violated(qp, &values) {
+        return None;
+    }
+    let report = QpReport {
+        working_set: WorkingSet::natural().bits(),
+        kkt_residual: residual_at(qp, &slope, &values, held.into_iter()),
+        ..QpReport::default()
+    };
+    Some(Solution { status: SolveStatus::Solved, z: z.into(), report })
+}
+
+/// Whether a limit is exceeded by more than rounding, by its absolute size; NaN counts as exceeded.
+fn is_any_violated(qp: &Qp, values: &[f64; CONSTRAINTS]) -> bool {
+    let mut violated = false;
+    for ((value, lower), upper) in values.iter().zip(&qp.lower).zip(&qp.upper) {
+        // Written so that NaN is refused too; without a branch, many at once.
+        violated |= !(lower - value <= VIOLATION_MIN) | !(value - upper <= VIOLATION_MIN);
+    }
+    violated
+}
+
 /// One search: a point optimal for its working set, with the factors that make a step cheap.
-///
-/// With N the matrix of the working set's normals, `J' H J = I` and `J' N = [R; 0]`, R upper
-/// triangular [Goldfarb & Idnani, section 4].
 struct Search<'a> {
     qp: &'a Qp,
-    /// Columns of J.
-    j: [Vector; VARIABLES],
-    /// R, upper triangular in its leading `count` rows and columns.
-    r: SMatrix<f64, VARIABLES, VARIABLES>,
+    factors: Factors,
     /// The working set; only the first `count` are meaningful.
     members: [Active; VARIABLES],
     count: usize,
     /// Multipliers of the working set, one more for the constraint being added.
-    multipliers: [f64; VARIABLES + 1],
-    z: Vector,
+    multipliers: Row,
+    z: Row,
     iterations: u32,
     changes: u32,
 }
 
 impl<'a> Search<'a> {
-    /// Factors H = L L' and sets J = L'^-1; `None` when H is not positive definite.
-    fn start(qp: &'a Qp) -> Option<Self> {
-        let l = cholesky(&qp.hessian)?;
-        let mut j = [Vector::zeros(); VARIABLES];
-        for (k, column) in j.iter_mut().enumerate() {
-            // Column k of L'^-1 solves L' x = e_k by back substitution; entries below k are zero.
-            column[k] = 1.0 / l[(k, k)];
-            for i in (0..k).rev() {
-                let sum: f64 = (i + 1..=k).map(|m| l[(m, i)] * column[m]).sum();
-                column[i] = -sum / l[(i, i)];
+    /// Starts with every slack at its lower bound, or without any constraint.
+    fn start(qp: &'a Qp, cholesky: &Cholesky, slacks_held: bool) -> Self {
+        let mut members = [Active { constraint: 0, upper: false }; VARIABLES];
+        let (factors, count) = if slacks_held {
+            for (i, member) in members.iter_mut().enumerate().take(SLACKS) {
+                member.constraint = (VARIABLES - 1 - i) as u8;
             }
-        }
-        Some(Self {
-            qp,
-            j,
-            r: SMatrix::zeros(),
-            members: [Active { constraint: 0, upper: false }; VARIABLES],
-            count: 0,
-            multipliers: [0.0; VARIABLES + 1],
-            z: Vector::zeros(),
-            iterations: 0,
-            changes: 0,
-        })
+            (Factors::with_slacks_held(cholesky), SLACKS)
+        } else {
+            (Factors::free(cholesky), 0)
+        };
+        let (multipliers, z) = (Row::ZERO, Row::ZERO);
+        Self { qp, factors, members, count, multipliers, z, iterations: 0, changes: 0 }
     }
 
     /// Takes over a guessed working set, without those members that depend on earlier ones, have
     /// no limit, or would have to pull the wrong way.
     fn adopt(&mut self, guess: &WorkingSet) {
+        for at in (0..self.count).rev() {
+            if !guess.iter().any(|active| active == self.members[at]) {
+                self.drop_member(at);
+            }
+        }
         for active in guess.iter() {
-            if usize::from(active.constraint) < CONSTRAINTS && self.limit(active).is_finite() {
-                let mut d = self.project(&self.normal(active));
+            let is_held = self.members[..self.count].contains(&active);
+            let is_sound = usize::from(active.constraint) < CONSTRAINTS;
+            if !is_held && is_sound && self.limit(active).is_finite() {
+                let d = self.factors.project(&self.normal(active));
                 if self.outside(&d) > INDEPENDENCE_MIN {
-                    self.push(active, &mut d);
+                    self.push(active, &d);
                 }
             }
         }
@@ -124,7 +159,7 @@ impl<'a> Search<'a> {
                 return status;
             }
         }
-        if self.z.iter().all(|x| x.is_finite()) {
+        if self.z.0.iter().all(|x| x.is_finite()) {
             SolveStatus::Solved
         } else {
             SolveStatus::Infeasible
@@ -135,30 +170,28 @@ impl<'a> Search<'a> {
     /// [Goldfarb & Idnani, algorithm 1, step 2].
     fn satisfy(&mut self, active: Active) -> Result<(), SolveStatus> {
         let normal = self.normal(active);
-        self.multipliers[self.count] = 0.0;
+        self.multipliers.0[self.count] = 0.0;
         loop {
             self.iterations += 1;
             if self.iterations > ITERATIONS_MAX {
                 return Err(SolveStatus::IterationCap);
             }
-            let mut d = self.project(&normal);
+            let d = self.factors.project(&normal);
             let independent = self.outside(&d) > INDEPENDENCE_MIN;
-            let pull = self.back_substitute(&d);
+            let pull = self.factors.back_substitute(&d);
 
             // Largest step that keeps every multiplier non-negative, and who stops it.
             let blocking = (0..self.count)
-                .filter(|&i| pull[i] > 0.0)
-                .map(|i| (self.multipliers[i] / pull[i], i))
+                .filter(|&i| pull.0[i] > 0.0)
+                .map(|i| (self.multipliers.0[i] / pull.0[i], i))
                 .fold(None, |best: Option<(f64, usize)>, x| match best {
                     Some(b) if b.0 <= x.0 => Some(b),
                     _ => Some(x),
                 });
             // Step that makes the constraint hold with equality.
-            let full = if independent {
-                let curvature: f64 = d.iter().skip(self.count).map(|x| x * x).sum();
-                self.shortfall(active) / curvature
-            } else {
-                f64::INFINITY
+            let full = match independent {
+                true => self.shortfall(active, &normal) / d.squares_from(self.count),
+                false => f64::INFINITY,
             };
 
             let step = blocking.map_or(full, |(t, _)| full.min(t));
@@ -166,18 +199,14 @@ impl<'a> Search<'a> {
                 return Err(SolveStatus::Infeasible);
             }
             if independent {
-                for k in self.count..VARIABLES {
-                    self.z += self.j[k] * (step * d[k]);
-                }
+                self.z.add_scaled(step, &self.factors.combine_free(&d));
             }
-            for i in 0..self.count {
-                self.multipliers[i] -= step * pull[i];
-            }
-            self.multipliers[self.count] += step;
+            self.multipliers.add_scaled(-step, &pull);
+            self.multipliers.0[self.count] += step;
             match blocking {
                 Some((t, i)) if t < full => self.drop_member(i),
                 _ => {
-                    self.push(active, &mut d);
+                    self.push(active, &d);
                     return Ok(());
                 }
             }
@@ -187,43 +216,41 @@ impl<'a> Search<'a> {
     /// Computes point and multipliers afresh from the factors:
     /// `z = J y`, `y1 = R'^-1 b`, `y2 = -J2' g`, `R m = y1 + J1' g`.
     fn settle(&mut self) {
-        let gradient = self.project(&self.qp.gradient);
-        let mut y = -gradient;
-        for i in 0..self.count {
-            let sum: f64 = (0..i).map(|k| self.r[(k, i)] * y[k]).sum();
-            y[i] = (self.bound(self.members[i]) - sum) / self.r[(i, i)];
+        let gradient = self.factors.project(&self.qp.gradient_row());
+        let mut y = self.factors.forward_substitute(|i| self.bound(self.members[i]));
+        for k in self.count..VARIABLES {
+            y.0[k] = -gradient.0[k];
         }
-        self.z = Vector::zeros();
-        for k in 0..VARIABLES {
-            self.z += self.j[k] * y[k];
-        }
-        self.multipliers = self.back_substitute(&(y + gradient));
+        self.z = self.factors.combine(&y);
+        y.add_scaled(1.0, &gradient);
+        self.multipliers = self.factors.back_substitute(&y);
     }
 
     /// One step of iterative refinement: the same solve for the residuals of point and multipliers.
     fn refine(&mut self) {
-        let mut residual = self.qp.hessian * self.z + self.qp.gradient;
+        let mut residual = self.qp.slope(&self.z);
         for i in 0..self.count {
-            residual -= self.normal(self.members[i]) * self.multipliers[i];
+            residual.add_scaled(-self.multipliers.0[i], &self.normal(self.members[i]));
         }
-        let residual = self.project(&residual);
-        let mut y = -residual;
-        for i in 0..self.count {
-            let sum: f64 = (0..i).map(|k| self.r[(k, i)] * y[k]).sum();
-            y[i] = (self.shortfall(self.members[i]) - sum) / self.r[(i, i)];
+        let residual = self.factors.project(&residual);
+        let mut y = self.factors.forward_substitute(|i| {
+            let active = self.members[i];
+            self.shortfall(active, &self.normal(active))
+        });
+        for k in self.count..VARIABLES {
+            y.0[k] = -residual.0[k];
         }
-        for k in 0..VARIABLES {
-            self.z += self.j[k] * y[k];
-        }
-        let correction = self.back_substitute(&(y + residual));
-        for i in 0..self.count {
-            self.multipliers[i] += correction[i];
-        }
+        self.z.add_scaled(1.0, &self.factors.combine(&y));
+        y.add_scaled(1.0, &residual);
+        self.multipliers.add_scaled(1.0, &self.factors.back_substitute(&y));
     }
 
     /// The constraint violated most, relative to its limit, and by how much.
     fn most_violated(&self) -> Option<(Active, f64)> {
         let values = self.qp.values(&self.z);
+        if !is_any_violated(self.qp, &values) {
+            return None;
+        }
         let mut worst = None;
         let mut largest = VIOLATION_MIN;
         for (i, &value) in values.iter().enumerate() {
@@ -249,91 +276,39 @@ impl<'a> Search<'a> {
         worst
     }
 
-    /// Adds a constraint whose projected normal is `d`: rotations turn `d` into a column of R.
-    fn push(&mut self, active: Active, d: &mut Vector) {
-        for k in (self.count + 1..VARIABLES).rev() {
-            let (c, s, length) = rotation(d[k - 1], d[k]);
-            d[k - 1] = length;
-            d[k] = 0.0;
-            self.rotate_columns(k - 1, c, s);
-        }
-        for i in 0..=self.count {
-            self.r[(i, self.count)] = d[i];
-        }
+    fn push(&mut self, active: Active, d: &Row) {
+        self.factors.push(d);
         self.members[self.count] = active;
         self.count += 1;
         self.changes += 1;
     }
 
-    /// Removes member `at`, closing the gap in R with rotations.
     fn drop_member(&mut self, at: usize) {
-        let last = self.count - 1;
-        for column in at..last {
-            self.members[column] = self.members[column + 1];
-            self.multipliers[column] = self.multipliers[column + 1];
-            for i in 0..=column + 1 {
-                self.r[(i, column)] = self.r[(i, column + 1)];
-            }
-        }
+        self.factors.remove(at);
+        self.members.copy_within(at + 1..self.count, at);
         // The multiplier of the constraint being added sits behind the working set's.
-        self.multipliers[last] = self.multipliers[last + 1];
-        self.count = last;
+        self.multipliers.0.copy_within(at + 1..=self.count, at);
+        self.multipliers.0[self.count] = 0.0;
+        self.count -= 1;
         self.changes += 1;
-        for k in at..last {
-            let (c, s, length) = rotation(self.r[(k, k)], self.r[(k + 1, k)]);
-            self.r[(k, k)] = length;
-            self.r[(k + 1, k)] = 0.0;
-            for column in k + 1..last {
-                let (a, b) = (self.r[(k, column)], self.r[(k + 1, column)]);
-                self.r[(k, column)] = c * a + s * b;
-                self.r[(k + 1, column)] = c * b - s * a;
-            }
-            self.rotate_columns(k, c, s);
-        }
-    }
-
-    fn rotate_columns(&mut self, k: usize, c: f64, s: f64) {
-        let (a, b) = (self.j[k], self.j[k + 1]);
-        self.j[k] = a * c + b * s;
-        self.j[k + 1] = b * c - a * s;
-    }
-
-    /// `J' x`.
-    fn project(&self, x: &Vector) -> Vector {
-        let mut d = Vector::zeros();
-        for k in 0..VARIABLES {
-            d[k] = self.j[k].dot(x);
-        }
-        d
     }
 
     /// Relative length of a projected normal outside the working set's span.
-    fn outside(&self, d: &Vector) -> f64 {
-        let whole = d.norm();
-        let rest: f64 = d.iter().skip(self.count).map(|x| x * x).sum();
-        if whole > 0.0 { libm::sqrt(rest) / whole } else { 0.0 }
-    }
-
-    /// `R^-1` applied to the leading part of `d`; zero beyond the working set.
-    fn back_substitute(&self, d: &Vector) -> [f64; VARIABLES + 1] {
-        let mut x = [0.0; VARIABLES + 1];
-        for i in (0..self.count).rev() {
-            let sum: f64 = (i + 1..self.count).map(|k| self.r[(i, k)] * x[k]).sum();
-            x[i] = (d[i] - sum) / self.r[(i, i)];
-        }
-        x
+    fn outside(&self, d: &Row) -> f64 {
+        let (whole, rest) = (d.squares_from(0), d.squares_from(self.count));
+        if whole > 0.0 { libm::sqrt(rest / whole) } else { 0.0 }
     }
 
     fn most_negative_multiplier(&self) -> Option<usize> {
         (0..self.count)
-            .filter(|&i| self.multipliers[i] < 0.0)
-            .min_by(|&a, &b| self.multipliers[a].total_cmp(&self.multipliers[b]))
+            .filter(|&i| self.multipliers.0[i] < 0.0)
+            .min_by(|&a, &b| self.multipliers.0[a].total_cmp(&self.multipliers.0[b]))
     }
 
     /// The normal, turned so that the constraint reads `normal' z >= bound`.
-    fn normal(&self, active: Active) -> Vector {
+    fn normal(&self, active: Active) -> Row {
         let normal = self.qp.normal(active.constraint.into());
-        if active.upper { -normal } else { normal }
+        if active.upper { normal.scaled(-1.0) } else { normal }
     }
 
     fn limit(&self, active: Active) -> f64 {
@@ -346,9 +321,9 @@ impl<'a> Search<'a> {
         if active.upper { -self.limit(active) } else { self.limit(active) }
     }
 
-    /// How much the constraint is short of holding.
-    fn shortfall(&self, active: Active) -> f64 {
-        self.bound(active) - self.normal(active).dot(&self.z)
+    /// How much a constraint with this normal is short of holding.
+    fn shortfall(&self, active: Active, normal: &Row) -> f64 {
+        self.bound(active) - normal.dot(&self.z)
     }
 
     fn working_set(&self) -> WorkingSet {
@@ -356,54 +331,20 @@ impl<'a> Search<'a> {
     }
 
     fn solution(&self, status: SolveStatus) -> Solution {
-        let mut multipliers = [0.0; CONSTRAINTS];
-        for i in 0..self.count {
+        let multipliers = (0..self.count).map(|i| {
             let sign = if self.members[i].upper { -1.0 } else { 1.0 };
-            multipliers[usize::from(self.members[i].constraint)] = sign * self.multipliers[i];
-        }
+            (usize::from(self.members[i].constraint), sign * self.multipliers.0[i])
+        });
+        let (slope, values) = (self.qp.slope(&self.z), self.qp.values(&self.z));
         Solution {
             status,
-            z: self.z,
+            z: self.z.into(),
             report: QpReport {
                 iterations: self.iterations,
                 changes: self.changes,
                 working_set: self.working_set().bits(),
-                kkt_residual: kkt_residual(self.qp, &self.z, &multipliers),
+                kkt_residual: residual_at(self.qp, &slope, &values, multipliers),
             },
         }
     }
-}
-
-/// L with H = L L', L lower triangular; `None` when H is not positive definite.
-fn cholesky(h: &SMatrix<f64, VARIABLES, VARIABLES>) -> Option<SMatrix<f64, VARIABLES, VARIABLES>> {
-    let mut l = SMatrix::<f64, VARIABLES, VARIABLES>::zeros();
-    for k in 0..VARIABLES {
-        let mut pivot = h[(k, k)];
-        for m in 0..k {
-            pivot -= l[(k, m)] * l[(k, m)];
-        }
-        // Written so that NaN is refused too.
-        if !(pivot > 0.0 && pivot.is_finite()) {
-            return None;
-        }
-        let root = libm::sqrt(pivot);
-        l[(k, k)] = root;
-        for i in k + 1..VARIABLES {
-            let mut sum = h[(i, k)];
-            for m in 0..k {
-                sum -= l[(i, m)] * l[(k, m)];
-            }
-            l[(i, k)] = sum / root;
-        }
-    }
-    Some(l)
-}
-
-/// Cosine and sine that turn (a, b) into (length, 0), and that length.
-fn rotation(a: f64, b: f64) -> (f64, f64, f64) {
-    if b == 0.0 {
-        return (1.0, 0.0, a);
-    }
-    let length = libm::hypot(a, b);
-    (a / length, b / length, length)
 }

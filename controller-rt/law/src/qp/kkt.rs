@@ -2,6 +2,7 @@
 
 use nalgebra::SVector;
 
+use super::row::Row;
 use super::{CONSTRAINTS, Qp, VARIABLES};
 
 /// Largest scaled residual of the Karush-Kuhn-Tucker conditions, dimensionless.
@@ -9,30 +10,56 @@ use super::{CONSTRAINTS, Qp, VARIABLES};
 /// `multipliers[i]` is positive when constraint i's lower limit holds it, negative for its upper.
 ///
 /// ```text
-/// stationarity     |H z + g - A' m|  /  (1 + max(|H z|, |g|, |A' m|))
+/// stationarity     |H z + g - A' m|  /  (1 + max(|H z + g|, |g|, |A' m|))
 /// feasibility      violation         /  (1 + |limit|)
 /// complementarity  min(|m|, distance to the limit that m belongs to)
 /// ```
 ///
 /// [Nocedal & Wright, *Numerical Optimization*, 2nd ed., Theorem 12.1.]
 pub fn kkt_residual(qp: &Qp, z: &SVector<f64, VARIABLES>, multipliers: &[f64; CONSTRAINTS]) -> f64 {
-    let values = qp.values(z);
-    let mut pull = SVector::<f64, VARIABLES>::zeros();
-    let mut worst = 0.0_f64;
-    for i in 0..CONSTRAINTS {
-        let (value, lower, upper, m) = (values[i], qp.lower[i], qp.upper[i], multipliers[i]);
-        worst = largest(worst, (lower - value) / (1.0 + lower.abs()));
-        worst = largest(worst, (value - upper) / (1.0 + upper.abs()));
-        if m != 0.0 {
-            pull += qp.normal(i) * m;
-            let room = if m > 0.0 { value - lower } else { upper - value };
-            worst = largest(worst, m.abs().min(room.abs()));
+    let z = Row::of(z.as_slice());
+    let held = multipliers.iter().copied().enumerate().filter(|&(_, m)| m != 0.0);
+    residual_at(qp, &qp.slope(&z), &qp.values(&z), held)
+}
+
+/// The same at a point whose slope `H z + g` and constrained quantities are known already, for the
+/// multipliers that are not zero.
+pub fn residual_at(
+    qp: &Qp,
+    slope: &Row,
+    values: &[f64; CONSTRAINTS],
+    multipliers: impl Iterator<Item = (usize, f64)>,
+) -> f64 {
+    let mut pull = Row::ZERO;
+    let mut worst = feasibility(qp, values);
+    for (i, m) in multipliers {
+        pull.add_scaled(m, &qp.normal(i));
+        let room = if m > 0.0 { values[i] - qp.lower[i] } else { qp.upper[i] - values[i] };
+        worst = largest(worst, m.abs().min(room.abs()));
+    }
+    let size = |row: &Row| row.0.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let scale = 1.0 + size(slope).max(qp.gradient.amax()).max(size(&pull));
+    pull.add_scaled(-1.0, slope);
+    let stationarity = size(&pull) / scale;
+    // `max` passes over NaN; a sum does not.
+    match (pull.0.iter().sum::<f64>() + stationarity).is_nan() {
+        true => f64::INFINITY,
+        false => largest(worst, stationarity),
+    }
+}
+
+/// Largest violation relative to its limit, 0 when there is none.
+fn feasibility(qp: &Qp, values: &[f64; CONSTRAINTS]) -> f64 {
+    let mut worst = 0.0;
+    for ((value, lower), upper) in values.iter().zip(&qp.lower).zip(&qp.upper) {
+        for (violation, limit) in [(lower - value, lower), (value - upper, upper)] {
+            // What is not worse as it is, is not relative to its limit either.
+            if violation > worst {
+                worst = largest(worst, violation / (1.0 + limit.abs()));
+            }
         }
     }
-    let curve = qp.hessian * z;
-    let scale = 1.0 + curve.amax().max(qp.gradient.amax()).max(pull.amax());
-    let stationarity = (curve + qp.gradient - pull).amax() / scale;
-    if stationarity.is_nan() { f64::INFINITY } else { largest(worst, stationarity) }
+    worst
 }
 
 /// The larger of two numbers; limits at infinity give NaN ratios, which do not count.

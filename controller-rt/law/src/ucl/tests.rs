@@ -1,127 +1,42 @@
-//! The coordination layer on the plant Theorem 1 assumes: a' = (u - a)/tau, tau = 0.45 s, spacing
-//! 20 m, leader from 20 to 22 m/s at 2 m/s² between 1 s and 2 s (Zheng et al. 2016). Expected
-//! figures are those of an independent simulation of the same delay-differential equation.
+//! The coordination layer on the plant Theorem 1 assumes; expected figures are those of an
+//! independent simulation of the same delay-differential equation.
 
 use super::*;
-use crate::observation::{Ego, Mission, Plans, V2v};
+use crate::observation::{Ego, Mission, Plans};
+use string::{Delay, Run, Setup, run_platoon};
 
-const TAU_S: f64 = 0.45;
-const SPACING_M: f64 = 20.0;
-const MS: u64 = 1_000_000;
-const FOLLOWERS: usize = 3;
+#[path = "tests/string.rs"]
+mod string;
 
-#[derive(Clone, Copy)]
-struct Vehicle {
-    x_m: f64,
-    speed_mps: f64,
-    accel_mps2: f64,
-    intended_mps2: f64,
+fn published() -> UclCalibration {
+    crate::Calibration::default().ucl
 }
 
-/// What a run showed.
-struct Run {
-    /// Largest |error to the predecessor| of each follower \[m\].
-    peak_m: [f64; FOLLOWERS],
-    /// Error to the leader at the end \[m\].
-    last_m: [f64; FOLLOWERS],
+/// Runs a law with one constant delay on every link and messages every millisecond.
+fn run_with(cal: UclCalibration, delay_ms: usize) -> Run {
+    run_platoon(&Setup { cal, delay: Delay::Constant(delay_ms), message_period_ms: 1 })
 }
 
-fn message(v: &Vehicle, time_ns: u64) -> V2v {
-    V2v {
-        generated_ns: time_ns,
-        x_m: v.x_m,
-        speed_mps: v.speed_mps,
-        accel_mps2: v.accel_mps2,
-        intended_accel_mps2: v.intended_mps2,
-        ..V2v::default()
-    }
-}
-
-/// Runs the published gain with one constant delay on every link.
+/// Runs the published gain.
 fn run(reading: DelayReading, delay_ms: usize) -> Run {
-    let cal = UclCalibration { delay_reading: reading, ..crate::Calibration::default().ucl };
-    run_with(cal, delay_ms)
+    run_with(UclCalibration { delay_reading: reading, ..published() }, delay_ms)
 }
 
 /// Runs another law, with Eq. 4's reading of the delay.
 fn run_law(law: CoordinationLaw, delay_ms: usize) -> Run {
-    run_with(UclCalibration { law, ..crate::Calibration::default().ucl }, delay_ms)
+    run_with(UclCalibration { law, ..published() }, delay_ms)
 }
 
-/// Runs the platoon for 12 s.
-fn run_with(cal: UclCalibration, delay_ms: usize) -> Run {
-    // Theorem 1 knows no actuator limits.
-    let cal = UclCalibration { accel_min_mps2: -100.0, accel_max_mps2: 100.0, ..cal };
-    let mut vehicles: [Vehicle; FOLLOWERS + 1] = core::array::from_fn(|i| Vehicle {
-        x_m: -SPACING_M * i as f64,
-        speed_mps: 20.0,
-        accel_mps2: 0.0,
-        intended_mps2: 0.0,
+/// Largest error of each of `N` runs with random delays, smallest first.
+fn random_peaks<const N: usize>(message_period_ms: usize, mut look: impl FnMut(&Run)) -> [f64; N] {
+    let mut peaks = core::array::from_fn(|seed| {
+        let delay = Delay::Random(seed as u64);
+        let run = run_platoon(&Setup { cal: published(), delay, message_period_ms });
+        look(&run);
+        run.peak_m.into_iter().fold(0.0, f64::max)
     });
-    // Messages on their way: what every vehicle sent, one slot per millisecond of delay.
-    const SLOTS: usize = 512;
-    let mut air = [[V2v::default(); FOLLOWERS + 1]; SLOTS];
-    let mut memories = [Memory::new(); FOLLOWERS];
-    let mut result = Run { peak_m: [0.0; FOLLOWERS], last_m: [0.0; FOLLOWERS] };
-    for k in 0..12_000_usize {
-        let now_ns = k as u64 * MS;
-        air[k % SLOTS] = core::array::from_fn(|i| message(&vehicles[i], now_ns));
-        let heard = k.checked_sub(delay_ms).map(|sent| air[sent % SLOTS]);
-
-        let mut commands = [0.0; FOLLOWERS];
-        for i in 1..=FOLLOWERS {
-            let v = &vehicles[i];
-            let seen = Observation {
-                time_ns: now_ns,
-                ego: Ego {
-                    time_ns: now_ns,
-                    x_m: v.x_m,
-                    forward_mps: v.speed_mps,
-                    accel_mps2: v.accel_mps2,
-                    ..Ego::default()
-                },
-                mission: Mission {
-                    truck: i as u8,
-                    trucks: FOLLOWERS as u8 + 1,
-                    predecessor: i as u8 - 1,
-                    spacing_m: SPACING_M,
-                    leader_distance_m: i as f64 * SPACING_M,
-                    set_speed_mps: 20.0,
-                    ..Mission::default()
-                },
-                leader: heard.map(|all| all[0]),
-                predecessor: heard.map(|all| all[i - 1]),
-                plans: Plans::default(),
-                obstacles: [None; crate::OBSTACLES_MAX],
-            };
-            memories[i - 1].note_seen(&seen);
-            let asked = coordinate(&cal, &memories[i - 1], &seen, 1e-3).accel_mps2;
-            memories[i - 1].asked_mps2 = asked;
-            commands[i - 1] = asked;
-        }
-
-        let dt = 1e-3;
-        let leader_accel = if (1_000..2_000).contains(&k) { 2.0 } else { 0.0 };
-        for (i, v) in vehicles.iter_mut().enumerate() {
-            let before = v.accel_mps2;
-            // Exact for a command held over the step.
-            v.accel_mps2 = match i {
-                0 => leader_accel,
-                _ => commands[i - 1] + (before - commands[i - 1]) * libm::exp(-dt / TAU_S),
-            };
-            let mean = if i == 0 { leader_accel } else { 0.5 * (before + v.accel_mps2) };
-            v.intended_mps2 = if i == 0 { leader_accel } else { commands[i - 1] };
-            v.x_m += dt * (v.speed_mps + 0.5 * dt * mean);
-            v.speed_mps += dt * mean;
-        }
-        for i in 0..FOLLOWERS {
-            let error = vehicles[i].x_m - vehicles[i + 1].x_m - SPACING_M;
-            result.peak_m[i] = result.peak_m[i].max(error.abs());
-            let place = (i + 1) as f64;
-            result.last_m[i] = vehicles[0].x_m - vehicles[i + 1].x_m - place * SPACING_M;
-        }
-    }
-    result
+    peaks.sort_unstable_by(f64::total_cmp);
+    peaks
 }
 
 fn assert_near(what: &str, value: f64, expected: f64, tolerance: f64) {
@@ -134,6 +49,8 @@ fn without_delay_errors_shrink_down_the_string_as_predicted() {
     assert_near("peak", run.peak_m[0], 0.549, 0.005);
     assert_near("second ratio", run.peak_m[1] / run.peak_m[0], 0.108, 0.005);
     assert_near("third ratio", run.peak_m[2] / run.peak_m[1], 0.122, 0.005);
+    assert_near("highest speed", run.speed_max_mps, 22.35, 0.02);
+    assert!(run.settled_m < 0.02, "{}", run.settled_m);
 }
 
 #[test]
@@ -143,6 +60,31 @@ fn a_constant_delay_of_100_ms_costs_as_much_as_eq_4_says() {
     assert_near("second ratio", run.peak_m[1] / run.peak_m[0], 0.111, 0.005);
     assert_near("third ratio", run.peak_m[2] / run.peak_m[1], 0.122, 0.005);
     assert!(run.last_m.iter().all(|e| e.abs() < 0.02));
+}
+
+#[test]
+fn random_delays_of_50_to_150_ms_cost_no_more_than_their_mean() {
+    let peaks = random_peaks::<100>(1, |run| {
+        assert!(run.settled_m < 0.05, "{}", run.settled_m);
+        assert!(run.last_gap_m.iter().all(|e| e.abs() < 5e-3), "{:?}", run.last_gap_m);
+    });
+    assert_near("median", peaks[50], 0.604, 0.015);
+    assert!(peaks[95] < 0.65, "{}", peaks[95]);
+}
+
+#[test]
+fn rarer_messages_cost_what_half_their_period_more_delay_would() {
+    for (message_period_ms, expected_m) in [(100, 0.675), (50, 0.637), (20, 0.615), (10, 0.609)] {
+        let peaks = random_peaks::<25>(message_period_ms, |_| ());
+        assert_near("median", peaks[12], expected_m, 0.02);
+    }
+}
+
+#[test]
+fn a_gain_synthesised_for_the_same_plant_takes_a_fifth_off_the_peak() {
+    // Cone complementarity at gamma 0.5 for tau 0.45 s and delays up to 0.25 s.
+    let cal = UclCalibration { k1: [3.12, 4.28, 1.26], k2: [0.0; 3], ..published() };
+    assert_near("peak", run_with(cal, 100).peak_m[0], 0.470, 0.01);
 }
 
 #[test]
@@ -160,7 +102,7 @@ fn extrapolating_messages_removes_the_offset() {
 
 #[test]
 fn a_truck_that_hears_no_leader_holds_the_set_speed() {
-    let cal = crate::Calibration::default().ucl;
+    let cal = published();
     let seen = Observation {
         time_ns: 0,
         ego: Ego { forward_mps: 15.0, ..Ego::default() },

@@ -1,0 +1,168 @@
+//! What a step of the law costs, part by part: `cargo bench -p law`.
+//!
+//! Every part is called over a whole recorded course again and again; the table has nanoseconds a
+//! call. The machine is rarely quiet: minima and ratios mean more than means. For figures that do
+//! not depend on it, `benches/instructions.sh` counts instructions: this program with `--count PART
+//! TIMES` calls one part so often and no other. With `--serve` it answers the number of a recorded
+//! QP on a line with nanoseconds and solution, for `benches/peers.sh`.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use course::{Course, course};
+use law::parts::{Bicycle, predict};
+use law::qp::{ActiveSet, Qp, QpSolver, WorkingSet};
+use law::{Calibration, Law, Memory, Phase};
+use recorded::{Recorded, recorded};
+
+mod course;
+#[path = "../tests/recorded/mod.rs"]
+mod recorded;
+
+/// How often each part goes over its course.
+const ROUNDS: usize = 60;
+
+/// Everything the parts are called with.
+struct Inputs {
+    law: Law,
+    model: Bicycle,
+    course: Course,
+    recorded: Vec<Recorded>,
+    /// Of those, the ones that the natural working set does not solve.
+    degenerate: Vec<Qp>,
+}
+
+/// A part: its name, and one pass over its course that tells the time of every call \[ns\].
+type Part = (&'static str, fn(&Inputs, &mut Vec<u64>));
+
+const PARTS: [Part; 8] = [
+    ("step", step),
+    ("ucl", |inputs, times| phases(inputs, times, Phase::Ucl)),
+    ("build", |inputs, times| phases(inputs, times, Phase::LmlBuild)),
+    ("qp", |inputs, times| phases(inputs, times, Phase::Qp)),
+    ("linearise", linearise),
+    ("qp-cold", cold),
+    ("qp-warm", warm),
+    ("qp-degenerate", degenerate),
+];
+
+fn main() {
+    let inputs = Inputs::new();
+    let words: Vec<String> = std::env::args().collect();
+    if words.iter().any(|word| word == "--serve") {
+        return serve(&inputs.recorded);
+    }
+    if let Some(at) = words.iter().position(|word| word == "--count") {
+        let times = words.get(at + 2).and_then(|n| n.parse().ok()).expect("--count PART TIMES");
+        let part = PARTS.iter().find(|(name, _)| *name == words[at + 1]).expect("a part's name");
+        let mut calls = Vec::new();
+        (0..times).for_each(|_| part.1(&inputs, &mut calls));
+        println!("{} {}", part.0, calls.len());
+        return;
+    }
+    println!(
+        "{:14} {:>8} {:>8} {:>8} {:>8} {:>8}",
+        "ns a call", "least", "median", "mean", "p99", "p99.9"
+    );
+    for (name, part) in PARTS {
+        let mut times = Vec::new();
+        (0..ROUNDS).for_each(|_| part(&inputs, &mut times));
+        times.sort_unstable();
+        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
+        let mean = times.iter().sum::<u64>() / times.len() as u64;
+        let (least, p999) = (times[0], at(0.999));
+        println!("{name:14} {least:8} {:8} {mean:8} {:8} {p999:8}", at(0.5), at(0.99));
+    }
+}
+
+/// Solves the QPs whose numbers come in, cold.
+fn serve(recorded: &[Recorded]) {
+    for line in std::io::stdin().lines() {
+        let number: usize = line.expect("text").trim().parse().expect("the number of a QP");
+        let began = Instant::now();
+        let solution = ActiveSet.solve(black_box(&recorded[number].qp), &mut WorkingSet::default());
+        let ns = began.elapsed().as_nanos();
+        let z: String = solution.z.iter().map(|x| format!(" {x:?}")).collect();
+        println!("{ns}{z}");
+    }
+}
+
+impl Inputs {
+    fn new() -> Self {
+        let calibration = Calibration::default();
+        let (law, recorded) = (Law::new(calibration, ActiveSet), recorded());
+        let is_degenerate = |qp: &&Qp| {
+            ActiveSet.solve(qp, &mut WorkingSet::default()).report.working_set
+                != WorkingSet::natural().bits()
+        };
+        let degenerate =
+            recorded.iter().map(|one| &one.qp).filter(is_degenerate).cloned().collect();
+        let model = Bicycle::new(&calibration.truck);
+        Self { course: course(&law), law, model, recorded, degenerate }
+    }
+}
+
+/// Times one call.
+fn timed<T>(times: &mut Vec<u64>, call: impl FnOnce() -> T) -> T {
+    let began = Instant::now();
+    let result = black_box(call());
+    times.push(began.elapsed().as_nanos() as u64);
+    result
+}
+
+fn step(inputs: &Inputs, times: &mut Vec<u64>) {
+    let mut memory = Memory::new();
+    for seen in &inputs.course.seen {
+        timed(times, || inputs.law.step(&mut memory, black_box(seen)));
+    }
+}
+
+/// A whole step, of which one phase is timed.
+fn phases(inputs: &Inputs, times: &mut Vec<u64>, phase: Phase) {
+    let mut memory = Memory::new();
+    for seen in &inputs.course.seen {
+        let mut before = Instant::now();
+        let mut mark = |ended: Phase| {
+            let now = Instant::now();
+            if ended == phase {
+                times.push((now - before).as_nanos() as u64);
+            }
+            before = now;
+        };
+        black_box(inputs.law.step_marked(&mut memory, black_box(seen), &mut mark));
+    }
+}
+
+/// Rollout, tangents and gains of every predicted instant.
+fn linearise(inputs: &Inputs, times: &mut Vec<u64>) {
+    for (start, plan) in &inputs.course.plans {
+        timed(times, || {
+            predict(&inputs.model, black_box(start), plan)
+                .map(|instant| instant.gain[5][0])
+                .sum::<f64>()
+        });
+    }
+}
+
+fn cold(inputs: &Inputs, times: &mut Vec<u64>) {
+    for one in &inputs.recorded {
+        timed(times, || ActiveSet.solve(black_box(&one.qp), &mut WorkingSet::default()));
+    }
+}
+
+/// Each from the working set before it, within its recording.
+fn warm(inputs: &Inputs, times: &mut Vec<u64>) {
+    let (mut working_set, mut sequence) = (WorkingSet::default(), u32::MAX);
+    for one in &inputs.recorded {
+        if one.sequence != sequence {
+            (working_set, sequence) = (WorkingSet::default(), one.sequence);
+        }
+        timed(times, || ActiveSet.solve(black_box(&one.qp), &mut working_set));
+    }
+}
+
+fn degenerate(inputs: &Inputs, times: &mut Vec<u64>) {
+    for qp in &inputs.degenerate {
+        timed(times, || ActiveSet.solve(black_box(qp), &mut WorkingSet::default()));
+    }
+}
