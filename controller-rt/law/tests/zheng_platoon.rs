@@ -92,6 +92,7 @@ impl Car {
                 truck: place as u8,
                 trucks: CARS as u8 + 1,
                 spacing_m: SPACING_M,
+                leader_distance_m: place as f64 * SPACING_M,
                 set_speed_mps: 20.0,
                 lane_width_m: 3.75,
                 right_edge_y_m: -1.875,
