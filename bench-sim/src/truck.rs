@@ -149,7 +149,6 @@ pub struct Attitude {
 
 /// Calibration of a truck, which also says by which model it moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "one per truck, made once; a box would not be Copy")]
 pub enum Specification {
     /// The nonlinear bicycle.
     SingleTrack(TruckParameters),

@@ -160,7 +160,8 @@ mod tests {
 
     #[test]
     fn a_gain_is_refused_outside_its_certificate_unless_allowed() {
-        let changes: [(fn(&mut Calibration), &str); 3] = [
+        type Change = fn(&mut Calibration);
+        let changes: [(Change, &str); 3] = [
             (|c| c.ucl.lag_s = 0.1, "0.1 s"),
             (|c| c.ucl.delay_bound_s = 0.5, "0.5 s"),
             (|c| c.ucl.k1[1] = 3.0, "no certificate"),
