@@ -21,7 +21,7 @@ pub fn run(args: &ScenariosArgs) -> Result<(), Failure> {
         }
         None => {
             for summary in Scenario::list() {
-                anstream::println!("{:24} {}", summary.name, summary.description);
+                anstream::println!("{:28} {}", summary.name, summary.description);
             }
             anstream::println!(
                 "\nShow one with `platoon scenarios NAME`, run it with `platoon rehearse NAME`."

@@ -87,8 +87,9 @@ fn natural(qp: &Qp, cholesky: &Cholesky) -> Option<Solution> {
 fn is_any_violated(qp: &Qp, values: &[f64; CONSTRAINTS]) -> bool {
     let mut violated = false;
     for ((value, lower), upper) in values.iter().zip(&qp.lower).zip(&qp.upper) {
-        // Written so that NaN is refused too; without a branch, many at once.
-        violated |= !(lower - value <= VIOLATION_MIN) | !(value - upper <= VIOLATION_MIN);
+        // A comparison with NaN is false. Without a branch, many at once.
+        let holds = (lower - value <= VIOLATION_MIN) & (value - upper <= VIOLATION_MIN);
+        violated |= !holds;
     }
     violated
 }
