@@ -65,10 +65,16 @@ python() {
     "$venv/bin/python" "$@"
 }
 
-# Path of a built example, built if need be: example_path PACKAGE NAME
+# Tests, examples and the command, all that the steps use, exactly as the test step builds them: by
+# another cargo command the same crates would have other features, and be built again.
+build_tests() {
+    cargo test --quiet --locked --workspace --no-run "$@"
+}
+
+# Path of a built example, built if need be.
 example_path() {
-    cargo build --quiet --locked --package "$1" --example "$2"
-    echo "$target/debug/examples/$2"
+    build_tests >&2
+    echo "$target/debug/examples/$1"
 }
 
 # Debian packages behind the tools that are missing.
@@ -108,17 +114,17 @@ make_venv() {
 
 # Path of the command, built if need be.
 platoon_path() {
-    cargo build --quiet --locked --bin platoon
+    build_tests >&2
     echo "$target/debug/platoon"
 }
 
 # "MANIFEST_FOLDER<tab>BINARY" of every test binary of the packages that touch SocketCAN.
 socketcan_binaries() {
-    cargo test --quiet --locked --no-run --message-format=json \
-        --package platoon-dbc --package vcan-setup --package platoon |
+    build_tests --message-format=json |
         sed -n '/"reason":"compiler-artifact"/{
             /"profile":{[^}]*"test":true/s|.*"manifest_path":"\([^"]*\)/Cargo.toml".*"executable":"\([^"]*\)".*|\1\t\2|p
-        }'
+        }' |
+        awk -F '\t' -v root="$PWD" '$1 == root || $1 == root "/can-dbc" || $1 == root "/vcan-setup"'
 }
 
 # Of the lines of socketcan_binaries, those whose binary has a test for us: an ignored one that is
@@ -180,7 +186,7 @@ compare_candump_logs() {
     read_candump_log "$1/clean/run/run.mcap" "$1/clean"/candump-*.log
     read_candump_log "$1/j1939/run/run.mcap" "$1/j1939"/candump-*.log can-dbc/j1939.dbc
     python tests/interop/canbusload_equals_model.py "$1/j1939/run/run.mcap" \
-        "$1/j1939/canbusload.txt" "$(example_path platoon-dbc frame_bits)"
+        "$1/j1939/canbusload.txt" "$(example_path frame_bits)"
 }
 
 # Has other programs read a log; those that are not installed are named in the summary.
@@ -251,13 +257,12 @@ step_test() {
 
 step_interop() {
     [[ -x $venv/bin/python ]] || leave_out "no Python environment in $venv: run the install step"
-    python tests/interop/cantools_codec.py "$(example_path platoon-dbc codec_vectors)"
-    python tests/interop/python_can_udp.py "$(example_path platoon-dbc udp_peer)"
-    cargo build --quiet --locked
-    python tests/interop/python_can_run.py "$target/debug/platoon"
-    "$(example_path traces sample_run)" "$scratch/sample"
+    python tests/interop/cantools_codec.py "$(example_path codec_vectors)"
+    python tests/interop/python_can_udp.py "$(example_path udp_peer)"
+    python tests/interop/python_can_run.py "$(platoon_path)"
+    "$(example_path sample_run)" "$scratch/sample"
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
-    python tests/interop/commonroad_plant.py "$(example_path bench-sim plant_trajectories)"
+    python tests/interop/commonroad_plant.py "$(example_path plant_trajectories)"
     python tests/interop/cvxpy_gains.py controller-rt/gains
 }
 
