@@ -212,7 +212,7 @@ pub enum CanError {
         /// Name of the interface.
         name: String,
         /// The system's own words.
-        error: socketcan::Error,
+        error: io::Error,
     },
     /// An interface could not be read, changed or removed.
     #[error("virtual CAN: {action} {name}: {error}; see `ip -details link show {name}`")]
@@ -348,10 +348,7 @@ fn ensure_one(name: &str, done: &mut Created) -> Result<(), CanError> {
     let mut last = None;
     for _ in 0..ATTEMPTS_MAX {
         let Some(link) = find(name)? else {
-            last = create(name, done).err();
-            if last.is_some() && find(name)?.is_none() {
-                break;
-            }
+            create(name, done)?;
             continue;
         };
         if judge(name, &link)? == Need::Nothing {
@@ -361,17 +358,29 @@ fn ensure_one(name: &str, done: &mut Created) -> Result<(), CanError> {
             return Ok(());
         }
         last = configure(link.index).err();
+        if last.is_some() && !has_capability(CAP_NET_ADMIN) {
+            return Err(CanError::NotPermittedToChange { name: name.into() });
+        }
     }
-    Err(refusal(name, last, find(name)?.is_some()))
+    let error = last.map_or_else(|| io::Error::other("it keeps disappearing"), io::Error::other);
+    Err(CanError::Netlink { action: "configuring", name: name.into(), error })
 }
 
-/// Creates the interface and notes it as ours.
-fn create(name: &str, done: &mut Created) -> Result<(), socketcan::Error> {
-    CanInterface::create_vcan(name, None)?;
-    if let Ok(Some(link)) = Link::find(name) {
-        done.created.push(Vcan { name: name.into(), index: link.index });
+/// Creates the interface and notes it as ours; one that another made meanwhile is theirs.
+fn create(name: &str, done: &mut Created) -> Result<(), CanError> {
+    match Link::create_vcan(name) {
+        Ok(()) => {
+            if let Ok(Some(link)) = Link::find(name) {
+                done.created.push(Vcan { name: name.into(), index: link.index });
+            }
+            Ok(())
+        }
+        Err(error) if error.raw_os_error() == Some(libc::EEXIST) => Ok(()),
+        Err(_) if !has_capability(CAP_NET_ADMIN) => {
+            Err(CanError::NotPermitted { name: name.into() })
+        }
+        Err(error) => Err(CanError::NoModule { name: name.into(), error }),
     }
-    Ok(())
 }
 
 /// Gives a `vcan` that is down the FD packet size and brings it up.
@@ -380,23 +389,6 @@ fn configure(index: u32) -> Result<(), socketcan::Error> {
     // The driver takes the packet size only while the interface is down.
     interface.set_mtu(Mtu::Fd)?;
     interface.bring_up()
-}
-
-/// The error for an interface that could not be made, from the last answer of the kernel.
-///
-/// The kernel's own answers are ambiguous, so the reason is found by looking.
-fn refusal(name: &str, last: Option<socketcan::Error>, exists: bool) -> CanError {
-    let name = name.into();
-    match last {
-        _ if !has_capability(CAP_NET_ADMIN) && exists => CanError::NotPermittedToChange { name },
-        _ if !has_capability(CAP_NET_ADMIN) => CanError::NotPermitted { name },
-        Some(error) => CanError::NoModule { name, error },
-        None => CanError::Netlink {
-            action: "configuring",
-            name,
-            error: io::Error::other("another process keeps changing it"),
-        },
-    }
 }
 
 /// Removes one interface if it is still the one we made.

@@ -1,7 +1,7 @@
-//! Reading one network interface over rtnetlink: kind, MTU, state.
+//! One network interface over rtnetlink: kind, MTU, state, and making a `vcan`.
 //!
-//! The `socketcan` crate creates and changes interfaces but does not tell a `vcan` from another
-//! kind, and nothing may be touched before that is known.
+//! The `socketcan` crate changes interfaces but does not tell a `vcan` from another kind, and
+//! nothing may be touched before that is known; nor does it tell why one could not be made.
 
 use std::ffi::CStr;
 use std::io;
@@ -10,9 +10,9 @@ use neli::consts::nl::NlmF;
 use neli::consts::rtnl::{Iff, Ifla, IflaInfo, RtAddrFamily, Rtm};
 use neli::consts::socket::NlFamily;
 use neli::nl::{NlPayload, Nlmsghdr, NlmsghdrBuilder};
-use neli::rtnl::{Ifinfomsg, IfinfomsgBuilder, RtattrBuilder};
+use neli::rtnl::{Ifinfomsg, IfinfomsgBuilder, Rtattr, RtattrBuilder};
 use neli::socket::synchronous::NlSocketHandle;
-use neli::types::RtBuffer;
+use neli::types::{Buffer, RtBuffer};
 use neli::utils::Groups;
 
 /// A network interface as the kernel describes it.
@@ -33,19 +33,20 @@ pub(crate) struct Link {
 impl Link {
     /// Looks an interface up by name; `None` when there is none of that name.
     pub(crate) fn find(name: &str) -> io::Result<Option<Self>> {
-        let socket = NlSocketHandle::connect(NlFamily::Route, None, Groups::empty())
-            .map_err(io::Error::other)?;
-        socket.send(&query(name)?).map_err(io::Error::other)?;
-        let (mut replies, _) = socket.recv::<Rtm, Ifinfomsg>().map_err(io::Error::other)?;
-        let Some(reply) = replies.next().transpose().map_err(io::Error::other)? else {
-            return Err(io::Error::other("no answer over netlink"));
-        };
-        if let NlPayload::Err(error) = reply.nl_payload() {
-            let errno = -*error.error();
-            let missing = errno == libc::ENODEV;
-            return if missing { Ok(None) } else { Err(io::Error::from_raw_os_error(errno)) };
+        match ask(&query(name)?) {
+            Ok(reply) => Ok(reply.get_payload().map(Self::from_message)),
+            Err(error) if error.raw_os_error() == Some(libc::ENODEV) => Ok(None),
+            Err(error) => Err(error),
         }
-        Ok(reply.get_payload().map(Self::from_message))
+    }
+
+    /// Makes an interface of kind `vcan`, down.
+    ///
+    /// # Errors
+    /// The kernel's own errno: `EEXIST` for a name that is taken, `EPERM` without CAP_NET_ADMIN,
+    /// `EOPNOTSUPP` when it has no driver for `vcan`.
+    pub(crate) fn create_vcan(name: &str) -> io::Result<()> {
+        ask(&creation(name)?).map(|_| ())
     }
 
     fn from_message(message: &Ifinfomsg) -> Self {
@@ -67,24 +68,72 @@ impl Link {
     }
 }
 
+/// Sends a request and waits for the kernel's answer to it; a refusal is its errno.
+fn ask(request: &Nlmsghdr<Rtm, Ifinfomsg>) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
+    let socket = NlSocketHandle::connect(NlFamily::Route, None, Groups::empty())
+        .map_err(io::Error::other)?;
+    socket.send(request).map_err(io::Error::other)?;
+    let (mut replies, _) = socket.recv::<Rtm, Ifinfomsg>().map_err(io::Error::other)?;
+    let Some(reply) = replies.next().transpose().map_err(io::Error::other)? else {
+        return Err(io::Error::other("no answer over netlink"));
+    };
+    match reply.nl_payload() {
+        NlPayload::Err(error) => Err(io::Error::from_raw_os_error(-*error.error())),
+        _ => Ok(reply),
+    }
+}
+
 /// The request for one interface by name.
 fn query(name: &str) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
     let mut attributes = RtBuffer::new();
-    attributes.push(
-        RtattrBuilder::default()
-            .rta_type(Ifla::Ifname)
-            .rta_payload(name)
-            .build()
-            .map_err(io::Error::other)?,
-    );
+    attributes.push(named(name)?);
+    request(Rtm::Getlink, NlmF::REQUEST, attributes)
+}
+
+/// The request to make an interface of kind `vcan`, unless the name is taken.
+fn creation(name: &str) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
+    let kind = RtattrBuilder::default()
+        .rta_type(IflaInfo::Kind)
+        .rta_payload("vcan")
+        .build()
+        .map_err(io::Error::other)?;
+    let info = RtattrBuilder::default()
+        .rta_type(Ifla::Linkinfo)
+        .rta_payload(Vec::<u8>::new())
+        .build()
+        .map_err(io::Error::other)?
+        .nest(&kind)
+        .map_err(io::Error::other)?;
+    let mut attributes = RtBuffer::new();
+    attributes.push(named(name)?);
+    attributes.push(info);
+    let flags = NlmF::REQUEST | NlmF::ACK | NlmF::CREATE | NlmF::EXCL;
+    request(Rtm::Newlink, flags, attributes)
+}
+
+/// The attribute that names an interface.
+fn named(name: &str) -> io::Result<Rtattr<Ifla, Buffer>> {
+    RtattrBuilder::default()
+        .rta_type(Ifla::Ifname)
+        .rta_payload(name)
+        .build()
+        .map_err(io::Error::other)
+}
+
+/// A message about one interface.
+fn request(
+    action: Rtm,
+    flags: NlmF,
+    attributes: RtBuffer<Ifla, Buffer>,
+) -> io::Result<Nlmsghdr<Rtm, Ifinfomsg>> {
     let message = IfinfomsgBuilder::default()
         .ifi_family(RtAddrFamily::Unspecified)
         .rtattrs(attributes)
         .build()
         .map_err(io::Error::other)?;
     NlmsghdrBuilder::default()
-        .nl_type(Rtm::Getlink)
-        .nl_flags(NlmF::REQUEST)
+        .nl_type(action)
+        .nl_flags(flags)
         .nl_payload(NlPayload::Payload(message))
         .build()
         .map_err(io::Error::other)
@@ -117,6 +166,13 @@ mod tests {
     #[test]
     fn an_interface_that_does_not_exist_is_not_an_error() {
         assert_eq!(Link::find("no-such-link").expect("netlink answers"), None);
+    }
+
+    #[test]
+    fn a_name_that_is_taken_is_told_from_what_the_kernel_cannot_make() {
+        let error = Link::create_vcan("lo").expect_err("lo is always there");
+        let errno = error.raw_os_error();
+        assert!(matches!(errno, Some(libc::EEXIST | libc::EPERM)), "{error}");
     }
 
     #[test]
