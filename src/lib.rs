@@ -29,6 +29,8 @@ mod run_folder;
 mod scenarios;
 pub mod summary;
 mod timing;
+#[allow(dead_code, unused_imports, reason = "replay, diff, export and report are built on it")]
+mod trace;
 mod vcan;
 
 use std::process::ExitCode;

@@ -110,12 +110,13 @@ pub struct Reader {
     layout: Layout,
     /// Next span to open.
     next: usize,
-    topics: Option<Vec<String>>,
+    wants: Box<dyn Fn(&Channel) -> bool + Send>,
     times: Range<u64>,
     start_wall_ns: Option<u64>,
     unpacker: LinearReader,
     schemas: HashMap<u16, String>,
-    channels: HashMap<u16, Arc<Channel>>,
+    /// Channels by number; empty for one whose messages nobody wants.
+    channels: HashMap<u16, Option<Arc<Channel>>>,
     ready: VecDeque<Message>,
 }
 
@@ -156,7 +157,7 @@ impl Reader {
             source,
             layout,
             next: 0,
-            topics: None,
+            wants: Box::new(|_| true),
             times: 0..u64::MAX,
             start_wall_ns,
             unpacker: unpacker(),
@@ -169,7 +170,14 @@ impl Reader {
     /// Keeps only messages of these topics.
     #[must_use]
     pub fn with_topics<S: Into<String>>(self, topics: impl IntoIterator<Item = S>) -> Self {
-        Self { topics: Some(topics.into_iter().map(Into::into).collect()), ..self }
+        let topics: Vec<String> = topics.into_iter().map(Into::into).collect();
+        self.with_channels(move |channel| topics.contains(&channel.topic))
+    }
+
+    /// Keeps only messages of the channels that `wants` accepts.
+    #[must_use]
+    pub fn with_channels(self, wants: impl Fn(&Channel) -> bool + Send + 'static) -> Self {
+        Self { wants: Box::new(wants), ..self }
     }
 
     /// Keeps only messages of this span of bench time \[ns\].
@@ -254,7 +262,7 @@ impl Reader {
                 self.schemas.insert(header.id, header.name);
             }
             Ok(Raw::Channel(channel)) => self.take_channel(channel),
-            Ok(Raw::Message { header, data }) => self.take_message(header, data.into_owned()),
+            Ok(Raw::Message { header, data }) => self.take_message(header, &data),
             Ok(_) => {}
             Err(_) => self.layout.loss.records += 1,
         }
@@ -268,28 +276,28 @@ impl Reader {
             encoding: channel.message_encoding,
             metadata: channel.metadata,
         };
-        self.channels.insert(channel.id, Arc::new(known));
+        let wanted = (self.wants)(&known).then(|| Arc::new(known));
+        self.channels.insert(channel.id, wanted);
     }
 
-    fn take_message(&mut self, header: mcap::records::MessageHeader, data: Vec<u8>) {
+    fn take_message(&mut self, header: mcap::records::MessageHeader, data: &[u8]) {
         let Some(channel) = self.channels.get(&header.channel_id) else {
             self.layout.loss.records += 1;
             return;
         };
-        let message = Message {
+        let start_wall_ns = self.start_wall_ns.unwrap_or(0);
+        let time_ns = header.log_time.saturating_sub(start_wall_ns);
+        let Some(channel) = channel.as_ref().filter(|_| self.times.contains(&time_ns)) else {
+            return;
+        };
+        self.ready.push_back(Message {
             channel: Arc::clone(channel),
             sequence: header.sequence,
             log_time_ns: header.log_time,
             publish_time_ns: header.publish_time,
-            start_wall_ns: self.start_wall_ns.unwrap_or(0),
-            data,
-        };
-        let topics = self.topics.as_ref();
-        let is_wanted = topics.is_none_or(|topics| topics.contains(&message.channel.topic))
-            && self.times.contains(&message.time_ns());
-        if is_wanted {
-            self.ready.push_back(message);
-        }
+            start_wall_ns,
+            data: data.to_vec(),
+        });
     }
 }
 

@@ -120,17 +120,28 @@ impl Scenario {
     /// # Errors
     /// One line naming the file, the key, the value and what is allowed.
     pub fn load(name_or_path: &str, sets: &[(String, String)]) -> Result<Self, ScenarioError> {
-        let text = read(name_or_path)?;
-        let mut table: Table = text.parse().map_err(|error| syntax(name_or_path, &text, &error))?;
-        shaped(&table)
-            .map_err(|reason| ScenarioError::Shape { file: name_or_path.to_owned(), reason })?;
+        Self::from_text(name_or_path, &read(name_or_path)?, sets)
+    }
+
+    /// The scenario a text describes, as [`load`](Self::load) makes it of a file; `file` is what
+    /// errors call the text.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub fn from_text(
+        file: &str,
+        text: &str,
+        sets: &[(String, String)],
+    ) -> Result<Self, ScenarioError> {
+        let mut table: Table = text.parse().map_err(|error| syntax(file, text, &error))?;
+        shaped(&table).map_err(|reason| ScenarioError::Shape { file: file.to_owned(), reason })?;
         let base = table.clone();
         for (key, value) in sets {
             put(&mut table, key, typed(value))
-                .map_err(|reason| refused(name_or_path, (key, value), reason))?;
+                .map_err(|reason| refused(file, (key, value), reason))?;
         }
-        let scenario = shaped(&table).map_err(|reason| blame(name_or_path, &base, sets, reason))?;
-        Checker::new(name_or_path).check(&scenario)?;
+        let scenario = shaped(&table).map_err(|reason| blame(file, &base, sets, reason))?;
+        Checker::new(file).check(&scenario)?;
         Ok(scenario)
     }
 

@@ -1,0 +1,228 @@
+//! A recorded run, opened for reading as typed series: the one place that does so.
+//!
+//! [`Trace::open`] takes a `run.mcap`, the folder it is in, or the part that one process recorded.
+//! [`Trace::events`] streams what recorders wrote; [`History`] puts an ECU's stream in the order in
+//! which it happened, tick by tick; [`Series`] collects signals decoded from frames. What a damaged
+//! file lost is said by [`Events::damage`], once the events are exhausted.
+
+mod history;
+mod series;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use bench_sim::Scenario;
+use clap::ValueEnum;
+use law::Calibration;
+use platoon_dbc::Profile;
+use traces::{Attachment, Loss, Reader, Record, Topic};
+
+use crate::calibration;
+use crate::cli::SolverKind;
+use crate::failure::Failure;
+
+pub use history::{Gap, History, Moment, TickInputs};
+pub use series::{Series, SignalName};
+
+/// Metadata record of a merged run that says how it was run.
+const RUN: &str = "platoon.run";
+
+/// A trace on disk: what it says about itself. Its events are read anew by each pass.
+#[derive(Debug, Clone)]
+pub struct Trace {
+    path: PathBuf,
+    start_wall_ns: u64,
+    metadata: Metadata,
+    attachments: Vec<Attachment>,
+}
+
+/// Metadata records by name.
+type Metadata = std::collections::BTreeMap<String, std::collections::BTreeMap<String, String>>;
+
+/// One record of a trace, with its place.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Event {
+    /// Bench time \[ns\].
+    pub time_ns: u64,
+    /// Number its recorder gave it. A process numbers all its records in the order they happened,
+    /// so a missing number is a missing record; a gap marker has the number of what follows it.
+    pub sequence: u32,
+    /// Where it was recorded.
+    pub topic: Topic,
+    /// What was recorded.
+    pub record: Record,
+}
+
+impl Trace {
+    /// Opens a trace and reads what it says about itself.
+    ///
+    /// # Errors
+    /// When it cannot be read, is no MCAP file, or is none of this program's.
+    pub fn open(path: &Path) -> Result<Self, Failure> {
+        let path = if path.is_dir() { path.join("run.mcap") } else { path.to_owned() };
+        let reader = reader(&path)?;
+        let start_wall_ns = reader.start_wall_ns().ok_or_else(|| {
+            Failure::usage(format!(
+                "{}: an MCAP file, but no run of this program, or damaged at its very beginning; \
+                 name a run.mcap or a *.part.mcap",
+                path.display()
+            ))
+        })?;
+        let (metadata, attachments) = (reader.metadata().clone(), reader.attachments().to_vec());
+        Ok(Self { path, start_wall_ns, metadata, attachments })
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Wall clock at bench time 0 \[ns since 1970\]; 0 in virtual time.
+    pub fn start_wall_ns(&self) -> u64 {
+        self.start_wall_ns
+    }
+
+    /// All its metadata records by name.
+    pub fn metadata(&self) -> &Metadata {
+        &self.metadata
+    }
+
+    /// All the files attached to it.
+    pub fn attachments(&self) -> &[Attachment] {
+        &self.attachments
+    }
+
+    /// What a metadata record says under a key.
+    pub fn fact(&self, record: &str, key: &str) -> Option<&str> {
+        self.metadata.get(record)?.get(key).map(String::as_str)
+    }
+
+    /// What the metadata say about how it was run, such as `seed`, `rate_hz`, `time`.
+    pub fn run_fact(&self, key: &str) -> Option<&str> {
+        self.fact(RUN, key)
+    }
+
+    /// The text of an attached file.
+    pub fn attached_text(&self, name: &str) -> Option<&str> {
+        let file = self.attachments.iter().find(|attachment| attachment.name == name)?;
+        std::str::from_utf8(&file.data).ok()
+    }
+
+    /// How its buses carried messages, by the DBC attached; CAN FD when there is none.
+    pub fn profile(&self) -> Profile {
+        match self.attached_text("j1939.dbc") {
+            Some(_) => Profile::J1939,
+            None => Profile::Fd,
+        }
+    }
+
+    /// Who solved its QPs; the active-set method when it does not say.
+    pub fn solver(&self) -> SolverKind {
+        let word = self.run_fact("solver");
+        word.and_then(|word| SolverKind::from_str(word, false).ok())
+            .unwrap_or(SolverKind::ActiveSet)
+    }
+
+    /// The scenario it is a run of, with changes.
+    ///
+    /// # Errors
+    /// When none is attached, it makes no sense, or a change does not fit.
+    pub fn scenario(&self, sets: &[(String, String)]) -> Result<Scenario, Failure> {
+        let text = self.required("scenario.toml")?;
+        let source = format!("{}: scenario.toml", self.path.display());
+        Scenario::from_text(&source, text, sets).map_err(Failure::usage)
+    }
+
+    /// The law's calibration that all trucks had in common, every option of the run applied.
+    ///
+    /// # Errors
+    /// When none is attached or it makes no sense.
+    pub fn calibration(&self) -> Result<Calibration, Failure> {
+        calibration::from_table(&self.path.display().to_string(), &self.law_table()?)
+    }
+
+    /// The same as it is written in the file.
+    ///
+    /// # Errors
+    /// When none is attached or it is not TOML.
+    pub fn law_table(&self) -> Result<toml::Table, Failure> {
+        self.required("law.toml")?.parse().map_err(|error: toml::de::Error| {
+            let reason = error.message().replace('\n', " ");
+            Failure::usage(format!("{}: law.toml: {reason}", self.path.display()))
+        })
+    }
+
+    fn required(&self, name: &str) -> Result<&str, Failure> {
+        self.attached_text(name).ok_or_else(|| {
+            Failure::usage(format!(
+                "{}: has no {name} attached; name the run.mcap that `platoon rehearse` made",
+                self.path.display()
+            ))
+        })
+    }
+
+    /// Streams the records of the topics `wants` accepts, within a span of bench time \[ns\], in
+    /// the order of the file: by time, and what one process recorded at one time in its order.
+    ///
+    /// # Errors
+    /// When the file cannot be read any more.
+    pub fn events(
+        &self,
+        wants: impl Fn(Topic) -> bool + Send + 'static,
+        times: Range<u64>,
+    ) -> Result<Events, Failure> {
+        let reader = reader(&self.path)?
+            .with_channels(move |channel| channel.kind.is_some_and(&wants))
+            .with_times(times);
+        Ok(Events { reader, undecodable: 0 })
+    }
+}
+
+fn reader(path: &Path) -> Result<Reader, Failure> {
+    Reader::open(path).map_err(Failure::usage)
+}
+
+/// The events of one pass through a trace.
+pub struct Events {
+    reader: Reader,
+    undecodable: u64,
+}
+
+impl Events {
+    /// What of the file could not be read, in words; `None` when all of it could.
+    ///
+    /// Final once the events are exhausted.
+    pub fn damage(&self) -> Option<String> {
+        let Loss { is_truncated, bytes, chunks, records } = self.reader.loss();
+        let records = records + self.undecodable;
+        let told = [
+            is_truncated.then(|| "it has no end: cut, or its writer was killed".to_owned()),
+            (bytes > 0).then(|| format!("{bytes} bytes unreadable")),
+            (chunks > 0).then(|| format!("{chunks} chunks unreadable")),
+            (records > 0).then(|| format!("{records} records unreadable")),
+        ];
+        let told: Vec<String> = told.into_iter().flatten().collect();
+        (!told.is_empty()).then(|| told.join(", "))
+    }
+}
+
+impl Iterator for Events {
+    type Item = Event;
+
+    fn next(&mut self) -> Option<Event> {
+        loop {
+            let message = self.reader.next()?;
+            let Some(topic) = message.channel.kind else { continue };
+            match message.record() {
+                Ok(record) => {
+                    let (time_ns, sequence) = (message.time_ns(), message.sequence);
+                    return Some(Event { time_ns, sequence, topic, record });
+                }
+                Err(_) => self.undecodable += 1,
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;
