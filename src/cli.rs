@@ -2,6 +2,7 @@
 
 mod compare_options;
 mod law_options;
+mod report_options;
 mod values;
 
 use std::net::SocketAddr;
@@ -19,6 +20,7 @@ use crate::vcan::VcanArgs;
 
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind};
+pub use report_options::ReportArgs;
 pub use values::{EcuChoice, V2vDelay};
 
 use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
@@ -64,6 +66,8 @@ pub enum Verb {
     Gain(GainArgs),
     /// Hold the paper's claims, tables and figures against our own runs.
     Compare(CompareArgs),
+    /// Make one page of a run, or of two over each other, that opens without a network.
+    Report(ReportArgs),
     /// Make this machine ready: virtual CAN interfaces, or a kernel that has CAN.
     Vcan(VcanArgs),
 }

@@ -25,6 +25,7 @@ mod identify;
 mod process;
 mod progress;
 pub mod rehearse;
+mod report;
 mod run_folder;
 mod scenarios;
 pub mod summary;
@@ -56,6 +57,7 @@ pub fn main() -> ExitCode {
         Verb::Identify(args) => identify::run(&args).map(|()| Verdict::Pass),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
+        Verb::Report(args) => report::run(&args).map(|()| Verdict::Pass),
     })
 }
 

@@ -24,6 +24,7 @@ use crate::failure::Failure;
 use crate::gain::{self, Settled};
 use crate::gateway::Gateway;
 use crate::process;
+use crate::report;
 use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
 
@@ -255,13 +256,10 @@ impl<'a> Plan<'a> {
     }
 
     fn publish(&self, folder: &RunFolder, summary: &Summary) -> Result<(), Failure> {
-        let page = summary.page();
-        anstream::println!("{page}");
-        let plain = anstream::adapter::strip_str(&page).to_string();
-        fs::write(folder.report(), plain).map_err(|error| {
-            Failure::cannot_start(format!("cannot write {}: {error}", folder.report().display()))
-        })?;
+        anstream::println!("{}", summary.page());
         process::write_json(&folder.summary(), summary)?;
+        let trace = summary.files.mcap.is_some().then(|| folder.trace());
+        report::conclude(&folder.report(), trace.as_deref(), summary)?;
         match &self.args.json {
             Some(path) => process::write_json(path, summary),
             None => Ok(()),

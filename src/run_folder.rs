@@ -66,9 +66,9 @@ impl RunFolder {
         self.path.join("summary.json")
     }
 
-    /// The summary for people.
+    /// The page for people.
     pub fn report(&self) -> PathBuf {
-        self.path.join("report.txt")
+        self.path.join("report.html")
     }
 
     /// The scenario as it was run, overrides included.

@@ -96,7 +96,7 @@ pub struct MachineFloor {
 pub struct Files {
     /// The merged trace; absent when it could not be written.
     pub mcap: Option<String>,
-    /// The summary for people.
+    /// The page for people.
     pub report: Option<String>,
 }
 

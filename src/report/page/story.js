@@ -1,0 +1,149 @@
+// The packed stories of one or two runs: a JSON head, then curves of 16-bit numbers.
+
+const GAP = -32768;
+
+/** Unpacks the page's data. */
+async function unpack() {
+  const text = $("data").textContent.trim();
+  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  const bytes = await new Response(stream).arrayBuffer();
+  const length = new DataView(bytes).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
+  const numbers = new Int16Array(bytes, 4 + length);
+  return head.stories.map((story, run) => new Story(story, numbers, run));
+}
+
+/** One curve: values over an even axis of time, gaps as not-a-number. */
+class Curve {
+  constructor(told, axis, numbers) {
+    this.step = axis.step_s;
+    this.values = new Float32Array(axis.points);
+    const scale = (told.high - told.low) / 65534;
+    for (let i = 0; i < axis.points; i++) {
+      const value = numbers[told.at + i];
+      this.values[i] = value === GAP ? NaN : told.low + (value + 32767) * scale;
+    }
+  }
+
+  /** The value at a time, between its neighbours; not a number in a gap. */
+  at(time) {
+    const place = time / this.step;
+    const before = Math.min(Math.max(Math.floor(place), 0), this.values.length - 1);
+    const after = Math.min(before + 1, this.values.length - 1);
+    const share = Math.min(Math.max(place - before, 0), 1);
+    const [low, high] = [this.values[before], this.values[after]];
+    return Number.isNaN(high) || share === 0 ? low : low + share * (high - low);
+  }
+
+  /** The point nearest to a time, as it was recorded. */
+  sample(time) {
+    const place = Math.round(time / this.step);
+    return this.values[Math.min(Math.max(place, 0), this.values.length - 1)];
+  }
+}
+
+/** What is told of one run. */
+class Story {
+  constructor(told, numbers, run) {
+    Object.assign(this, told);
+    this.run = run;
+    this.summary = told.summary ?? {};
+    this.curves = new Map();
+    for (const axis of [told.world, told.ecus]) {
+      for (const curve of axis?.curves ?? []) {
+        const key = `${curve.of} ${curve.index} ${curve.name}`;
+        this.curves.set(key, new Curve(curve, axis, numbers));
+      }
+    }
+    this.end = told.end_s || this.summary.duration_s || 1;
+    const run_of = told.metadata?.["platoon.run"] ?? {};
+    this.rate = this.summary.rate_hz ?? Number(run_of.rate_hz ?? 100);
+    this.title = this.summary.scenario ?? run_of.scenario ?? "run";
+    this.isVirtual = (run_of.time ?? this.summary.timing_verdict) === "virtual";
+  }
+
+  /** A curve of a truck; undefined when the run has none. */
+  truck(index, name) {
+    return this.curves.get(`truck ${index} ${name}`);
+  }
+
+  obstacle(index, name) {
+    return this.curves.get(`obstacle ${index} ${name}`);
+  }
+
+  /** What the trucks are called. */
+  called(index) {
+    return index === 0 ? "leader" : `truck ${index}`;
+  }
+
+  /** Everything on the road at a time: boxes with their centre, heading and looks. */
+  boxes(time) {
+    const trucks = this.trucks.map((box, index) => {
+      const at = (name) => this.truck(index, name)?.at(time) ?? NaN;
+      const heading = at("heading_rad");
+      return {
+        truck: index, x: at("x_m"), y: at("y_m"), heading,
+        front: box.front_m, rear: box.rear_m, width: box.width_m,
+        speed: at("speed_mps"), force: at("force_command_n"),
+      };
+    });
+    const obstacles = this.obstacles.map((box, index) => {
+      const at = (name) => this.obstacle(index, name)?.at(time) ?? NaN;
+      return {
+        obstacle: box.number, kind: box.kind, x: at("x_m"), y: at("y_m"),
+        heading: at("heading_rad"), front: box.length_m / 2, rear: box.length_m / 2,
+        width: box.width_m,
+      };
+    });
+    return [...trucks, ...obstacles].filter((box) => Number.isFinite(box.x + box.y));
+  }
+
+  /** Edges and lane lines of the road across it [m]. */
+  road() {
+    const road = this.scenario?.road ?? {};
+    const right = road.right_edge_y_m ?? -1.875;
+    const left = road.left_edge_y_m ?? 5.625;
+    const lane = road.lane_width_m ?? 3.75;
+    const lines = [];
+    for (let y = right + lane; y < left - 0.1; y += lane) lines.push(y);
+    return { right, left, lines };
+  }
+
+  /** The time at which a truck came closest to an obstacle, or was furthest from its place. */
+  criticalTime() {
+    let best = { time: 0, value: Infinity };
+    this.trucks.forEach((_, index) => {
+      const curve = this.truck(index, "obstacle_clearance_m");
+      curve?.values.forEach((value, i) => {
+        if (value < best.value) best = { time: i * curve.step, value };
+      });
+    });
+    if (best.value < 50) return best.time;
+    let worst = { time: 0, value: 0 };
+    this.trucks.forEach((_, index) => {
+      const curve = this.truck(index, "predecessor_error_m");
+      curve?.values.forEach((value, i) => {
+        if (Math.abs(value) > worst.value) worst = { time: i * curve.step, value: Math.abs(value) };
+      });
+    });
+    return worst.time;
+  }
+
+  /** From when until when trucks are out of their lanes; the whole run when they never are. */
+  eventful() {
+    let [from, to] = [Infinity, -Infinity];
+    this.trucks.forEach((_, index) => {
+      const curve = this.truck(index, "y_m");
+      if (!curve) return;
+      const home = curve.values[0];
+      curve.values.forEach((value, i) => {
+        if (Math.abs(value - home) > 0.6) {
+          from = Math.min(from, i * curve.step);
+          to = Math.max(to, i * curve.step);
+        }
+      });
+    });
+    return from < to ? [Math.max(from - 2, 0), Math.min(to + 2, this.end)] : [0, this.end];
+  }
+}
