@@ -51,12 +51,21 @@ const Plots = (() => {
     const step = Math.min(...lines.map((line) => line.curve.step));
     const span = Math.max(...lines.map((line) => line.curve.step * line.curve.values.length));
     const times = Float64Array.from({ length: Math.round(span / step) }, (_, i) => i * step);
-    const values = lines.map(({ curve }) => Array.from(times, (_, i) => {
-      const value = curve.values[Math.floor((i * step) / curve.step + 1e-6)];
-      const isGap = value === undefined || Number.isNaN(value) || (plot.log && value <= 0);
-      return isGap ? null : value * (plot.factor ?? 1);
-    }));
+    const values = lines.map(({ curve }) => heights(plot, curve, step, times.length));
     return { lines, times, values };
+  }
+
+  /** A curve's values over an axis, null in its gaps. */
+  function heights(plot, curve, step, count) {
+    const [factor, stride] = [plot.factor ?? 1, step / curve.step];
+    const values = new Array(count).fill(null);
+    for (let i = 0; i < count; i++) {
+      const value = curve.values[stride === 1 ? i : Math.floor(i * stride + 1e-6)];
+      if (value === value && value !== undefined && !(plot.log && value <= 0)) {
+        values[i] = value * factor;
+      }
+    }
+    return values;
   }
 
   function scaleOf(plot) {
