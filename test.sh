@@ -17,6 +17,7 @@ Runs every step, or only those named, and ends with a summary. Exit status 1 whe
   test        cargo test --workspace
   interop     our formats against cantools, python-can and the Python MCAP readers; the plant
               against CommonRoad's vehicle models; the library of gains against cvxpy
+  page        the page that a run leaves, in headless Chromium: curves, cursors, keys, phone
   rehearse    the release build, the default scenario in virtual time, its trace read by Python
   kernel      platoon vcan shell: a command in the kernel it boots, user-mode Linux
   socketcan   the tests that need a kernel with CAN, with can-utils beside whole rehearsals: in a
@@ -36,7 +37,7 @@ PATH=$PATH:/usr/sbin:/sbin
 export CARGO_TERM_COLOR=${CARGO_TERM_COLOR:-never} PYTHONDONTWRITEBYTECODE=1
 export PIP_DISABLE_PIP_VERSION_CHECK=1
 
-all_steps=(install fmt shell clippy doc test interop rehearse kernel socketcan heavy)
+all_steps=(install fmt shell clippy doc test interop page rehearse kernel socketcan heavy)
 # Exit status by which a step says that it was left out; the reasons are in $reasons.
 readonly left_out_status=77
 # Exit status of platoon vcan shell when it has no kernel to boot.
@@ -80,6 +81,7 @@ example_path() {
 # Debian packages behind the tools that are missing.
 missing_packages() {
     has candump || echo can-utils
+    has chromium || echo chromium
     has linux.uml || echo user-mode-linux
     has insmod || echo kmod
     has ip || echo iproute2
@@ -264,6 +266,13 @@ step_interop() {
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
     python tests/interop/commonroad_plant.py "$(example_path plant_trajectories)"
     python tests/interop/cvxpy_gains.py controller-rt/gains
+}
+
+# The page that a run leaves, in headless Chromium.
+step_page() {
+    [[ -x $venv/bin/python ]] || leave_out "no Python environment in $venv: run the install step"
+    has chromium || leave_out "chromium is not installed: run the install step as root"
+    python tests/interop/report_page.py "$(platoon_path)" "$scratch/page"
 }
 
 # The default scenario as users get it must pass; a few seconds of it are read by stock readers.
