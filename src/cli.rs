@@ -213,8 +213,8 @@ pub struct ControllerArgs {
     /// Where the bus is.
     #[command(flatten)]
     pub place: BusPlace,
-    /// Trucks in the platoon, by which --ucl synthesised looks its gain up; without it, the gain is
-    /// one for any number.
+    /// Trucks in the platoon at most, by which --ucl synthesised and --gain DIR look the gain up;
+    /// what the first mission says when left out.
     #[arg(long, value_name = "N")]
     pub trucks: Option<usize>,
     /// How the bus carries messages: fd or j1939, as the rig does.

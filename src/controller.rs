@@ -1,7 +1,10 @@
 //! `platoon controller`: one truck's ECU as a process of its own.
 
+use std::sync::atomic::AtomicBool;
+
 use controller_rt::{Config, Ecu};
 use law::Calibration;
+use platoon_dbc::{Bus, Decoder};
 use traces::{Overflow, Source};
 
 use crate::bus::BusChoice;
@@ -24,10 +27,17 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
     let calibration = calibration::asked_for(calibration, &args.law_options, args.profile)?;
+    let mut bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
+    let mut trucks = args.trucks;
+    if trucks.is_none() && gain::is_looked_up(&calibration, &args.law_options) {
+        trucks = platoon_size(args, &calibration, &mut *bus, &stop);
+        if trucks.is_none() {
+            return Ok(());
+        }
+    }
     let Settled { calibration, gain_id, note } =
-        gain::settled(calibration, &args.law_options, args.trucks)?;
+        gain::settled(calibration, &args.law_options, trucks)?;
     let controller = calibration::controller(calibration, args.law_options.solver);
-    let bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
     let folder = RunFolder::open(&args.out)?;
     let source = Source::Ecu(args.truck);
     let interfaces = vec![bus.name().to_owned()];
@@ -66,4 +76,22 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
         );
     }
     Ok(())
+}
+
+/// How many trucks the platoon has, from the first mission that comes; `None` when somebody stops
+/// the wait. The rig repeats it until the ECU is ready.
+fn platoon_size(
+    args: &ControllerArgs,
+    calibration: &Calibration,
+    bus: &mut dyn Bus,
+    stop: &AtomicBool,
+) -> Option<usize> {
+    if !args.supervised {
+        let name = bus.name();
+        anstream::eprintln!("ECU {} looks its gain up when a mission comes on {name}", args.truck);
+    }
+    let decoder = Decoder::new(args.profile, calibration::vehicle(calibration));
+    let clock = HostClock::default();
+    let mission = controller_rt::first_mission(args.truck, bus, decoder, &clock, stop)?;
+    Some(usize::from(mission.platoon_size))
 }

@@ -3,6 +3,7 @@
 mod certify;
 mod choice;
 mod conditions;
+mod figures;
 mod fleet;
 mod scan;
 mod synthesise;
@@ -14,7 +15,7 @@ use certificate::library;
 use crate::failure::Failure;
 use crate::summary::Verdict;
 
-pub use choice::{Settled, settled};
+pub use choice::{Settled, is_looked_up, settled};
 
 use certify::CertifyArgs;
 use fleet::FleetArgs;
@@ -36,7 +37,7 @@ enum GainVerb {
     Synthesise(SynthesiseArgs),
     /// Check a gain file without any of the code that made it; exit status 1 when it is refused.
     Certify(CertifyArgs),
-    /// Design a gain and a proof for each of many trucks that differ.
+    /// Design a gain and a proof for each of many trucks that differ, or prove one gain for all.
     Fleet(FleetArgs),
     /// Scan all gains on a grid: which of them beat the published one, and what that costs.
     Scan(ScanArgs),
@@ -52,7 +53,7 @@ pub fn run(args: &GainArgs) -> Result<Verdict, Failure> {
     match &args.verb {
         GainVerb::Synthesise(args) => synthesise::run(args),
         GainVerb::Certify(args) => certify::run(args),
-        GainVerb::Fleet(args) => fleet::run(args).map(|()| Verdict::Pass),
+        GainVerb::Fleet(args) => fleet::run(args),
         GainVerb::Scan(args) => scan::run(args).map(|()| Verdict::Pass),
         GainVerb::List => list().map(|()| Verdict::Pass),
     }
@@ -62,9 +63,9 @@ fn list() -> Result<(), Failure> {
     for file in library::all().map_err(Failure::cannot_start)? {
         let gamma = file.first_gamma().map_or("-".to_owned(), |gamma| format!("{gamma}"));
         anstream::println!(
-            "{:20} lag {:11} s, delay up to {} s, gamma {gamma:7} {}",
+            "{:22} {:33} delay up to {} s, gamma {gamma:7} {}",
             file.name,
-            conditions::shown(&file.plant),
+            conditions::shown(&file.plant) + ",",
             file.delay.longest_s,
             file.about
         );

@@ -8,7 +8,7 @@ use core::time::Duration;
 
 use law::{Decision, Observation, Outcome};
 use platoon_dbc::{
-    ActuationStatus, Bus, Clock, Decoder, EcuMode, Encoder, Profile, RunState, Vehicle,
+    ActuationStatus, Bus, Clock, Decoder, EcuMode, Encoder, Mission, Profile, RunState, Vehicle,
 };
 use traces::Recorder;
 
@@ -79,6 +79,30 @@ pub fn run(mut ecu: Ecu, clock: &dyn Clock, stop: &AtomicBool) -> Report {
         }
     }
     ecu.finish(clock)
+}
+
+/// Waits for a truck's first mission, before there is an ECU: who puts one together may have to
+/// know the platoon first. `None` when `stop` is set. Other frames are lost, which nobody misses
+/// before the start.
+pub fn first_mission(
+    truck: u8,
+    bus: &mut dyn Bus,
+    decoder: Decoder,
+    clock: &dyn Clock,
+    stop: &AtomicBool,
+) -> Option<Mission> {
+    let (mut inbox, mut picture) = (Inbox::new(decoder), Picture::new(truck));
+    while !stop.load(Ordering::Relaxed) {
+        if bus.wait(START_WAIT).is_err() {
+            // A bus that is down reports at once; do not spin on it.
+            clock.sleep_until_ns(clock.now_ns() + START_WAIT.as_nanos() as u64);
+        }
+        inbox.drain(bus, &mut picture, clock.now_ns(), |_| ());
+        if let Some(mission) = picture.mission() {
+            return Some(*mission);
+        }
+    }
+    None
 }
 
 impl Ecu {

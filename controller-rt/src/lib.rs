@@ -32,7 +32,7 @@ mod snapshot;
 mod statistics;
 
 pub use controller::{Controller, LawController, Phase};
-pub use ecu::{Config, Ecu, RIG_SILENT_NS, run};
+pub use ecu::{Config, Ecu, RIG_SILENT_NS, first_mission, run};
 pub use inbox::{Drained, InboxCounts};
 pub use outbox::OutboxCounts;
 pub use pacer::{Pacer, Slot};

@@ -19,8 +19,9 @@ pub struct LawArgs {
     /// Law of the coordination layer; the scenario's own when left out.
     #[arg(long, value_enum)]
     pub ucl: Option<UclKind>,
-    /// Gain of the coordination layer: a gain file, or a name that `platoon gain list` shows.
-    #[arg(long, value_name = "FILE|NAME")]
+    /// Gain of the coordination layer: a gain file, a name that `platoon gain list` shows, or a
+    /// folder of gain files, of which the best for platoon and truck is taken.
+    #[arg(long, value_name = "FILE|NAME|DIR")]
     pub gain: Option<String>,
     /// Drive even with a gain that is not certified for its lag and its delays.
     #[arg(long)]
@@ -128,7 +129,7 @@ pub enum UclKind {
     Published,
     /// The same, with the leader's acceleration fed forward.
     Feedforward,
-    /// A gain of the library, looked up by platoon size, lag and delay bound.
+    /// A gain of the library, looked up by platoon size, what is driven, and delay bound.
     Synthesised,
     /// The constant-spacing law of the California PATH platoons.
     CaccPath,

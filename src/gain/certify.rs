@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::PathBuf;
 
 use anstyle::{AnsiColor, Style};
-use certificate::{Conditions, Finding, GainFile, Lags, Threshold, Verdict as Certified};
+use certificate::{Conditions, Finding, GainFile, Threshold, Verdict as Certified};
 use clap::Args;
 use comfy_table::{CellAlignment, Table, presets};
 use serde_json::{Value, json};
@@ -13,7 +13,7 @@ use crate::failure::Failure;
 use crate::process;
 use crate::summary::Verdict;
 
-use super::conditions::{find, parse_lags, parse_seconds, shown};
+use super::conditions::{Range, find, parse_range, parse_seconds, plants, shown};
 
 /// Time between two V2V messages in the built-in scenarios \[s\].
 const PERIOD_S: f64 = 0.02;
@@ -24,8 +24,12 @@ pub struct CertifyArgs {
     /// A gain file, or the name of a gain that comes with the program.
     gain: String,
     /// Lag of the trucks in seconds, or the least and the largest; the file's own when left out.
-    #[arg(long, value_name = "S|LO-HI", value_parser = parse_lags)]
-    lag_s: Option<Lags>,
+    #[arg(long, value_name = "S|LO-HI", value_parser = parse_range)]
+    lag_s: Option<Range>,
+    /// Gain of the trucks, acceleration per commanded acceleration, or the least and the largest;
+    /// the file's own when left out.
+    #[arg(long, value_name = "G|LO-HI", value_parser = parse_range)]
+    plant_gain: Option<Range>,
     /// Longest delay in seconds; the file's own when left out.
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     delay_s: Option<f64>,
@@ -42,9 +46,13 @@ pub struct CertifyArgs {
 /// # Errors
 /// When there is no such gain.
 pub fn run(args: &CertifyArgs) -> Result<Verdict, Failure> {
-    let (_, file) = find(&args.gain)?;
+    let file = find(&args.gain)?;
     let mut conditions = Conditions::of(&file, args.period_s);
-    conditions.lags = args.lag_s.unwrap_or(conditions.lags);
+    let own = conditions.plants;
+    conditions.plants = plants(
+        args.lag_s.unwrap_or(Range(own.lag_min_s, own.lag_max_s)),
+        args.plant_gain.unwrap_or(Range(own.gain_min, own.gain_max)),
+    );
     conditions.longest_s = args.delay_s.unwrap_or(conditions.longest_s);
     let certified = certificate::certify(&file, &conditions);
     anstream::println!("{}", page(&file, &conditions, &certified));
@@ -71,11 +79,11 @@ pub fn page(file: &GainFile, conditions: &Conditions, certified: &Certified) -> 
     }
     let mut page = format!(
         "gain {}: K1 {:?}, K2 {:?}\n\
-         lag {} s, delays up to {} s, messages every {} s\n\n{table}\n\n",
+         {}, delays up to {} s, messages every {} s\n\n{table}\n\n",
         file.name,
         file.gain.k1,
         file.gain.k2,
-        shown(&conditions.lags),
+        shown(&conditions.plants),
         conditions.longest_s,
         conditions.period_s
     );

@@ -1,46 +1,85 @@
 //! What a gain is for, in words: lags, delays, and where its file is.
 
 use std::fs;
+use std::path::Path;
 
-use certificate::{GainFile, Lags, Rate, library};
+use certificate::{GainFile, Plants, Rate, library};
 
 use crate::failure::Failure;
 
-/// A gain of the library by its name, or a file by its path; with its number in the library.
+/// A gain of the library by its name, or a file by its path.
 ///
 /// # Errors
 /// When there is neither.
-pub fn find(name: &str) -> Result<(u8, GainFile), Failure> {
-    if let Some(found) = library::named(name) {
-        return Ok(found);
+pub fn find(name: &str) -> Result<GainFile, Failure> {
+    match library::named(name) {
+        Some((_, file)) => Ok(file),
+        None => read(Path::new(name)),
     }
-    let text = fs::read_to_string(name).map_err(|error| {
+}
+
+/// All gain files of a folder, by name.
+///
+/// # Errors
+/// When it cannot be read, has none, or one of them is no gain file.
+pub fn folder(path: &str) -> Result<Vec<GainFile>, Failure> {
+    let unreadable = |error| Failure::usage(format!("gains in {path}: {error}"));
+    let entries = fs::read_dir(path).map_err(unreadable)?;
+    let mut paths: Vec<_> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.retain(|path| path.extension().is_some_and(|extension| extension == "toml"));
+    paths.sort();
+    if paths.is_empty() {
+        return Err(Failure::usage(format!("gains in {path}: no .toml file is there")));
+    }
+    paths.iter().map(|path| read(path)).collect()
+}
+
+fn read(path: &Path) -> Result<GainFile, Failure> {
+    let name = path.display();
+    let text = fs::read_to_string(path).map_err(|error| {
         Failure::usage(format!(
             "gain {name}: {error}; name a file, or a gain that `platoon gain list` shows"
         ))
     })?;
-    let file =
-        GainFile::parse(&text).map_err(|error| Failure::usage(format!("gain {name}: {error}")))?;
-    Ok((0, file))
+    GainFile::parse(&text).map_err(|error| Failure::usage(format!("gain {name}: {error}")))
 }
 
-/// Lags as users type them.
-pub fn shown(lags: &Lags) -> String {
-    let Lags { lag_min_s, lag_max_s } = lags;
-    if lag_min_s == lag_max_s { lag_min_s.to_string() } else { format!("{lag_min_s}-{lag_max_s}") }
+/// Plants in words: their lag in seconds, and their gain where it is not 1.
+pub fn shown(plants: &Plants) -> String {
+    let lag = range_shown((plants.lag_min_s, plants.lag_max_s));
+    match (plants.gain_min, plants.gain_max) {
+        (1.0, 1.0) => format!("lag {lag} s"),
+        gains => format!("lag {lag} s, gain {}", range_shown(gains)),
+    }
 }
 
-/// One lag, or the least and the largest.
-pub fn parse_lags(text: &str) -> Result<Lags, String> {
-    const FORM: &str = "give a lag in seconds, such as 0.45, or a range, such as 0.15-0.27";
+/// Digits shown of a bound; what is left out is rounding.
+const PLACES: f64 = 1e4;
+
+fn range_shown((low, high): (f64, f64)) -> String {
+    let [low, high] = [low, high].map(|x| (x * PLACES).round() / PLACES);
+    if low == high { low.to_string() } else { format!("{low}-{high}") }
+}
+
+/// A lag or a gain, or the least and the largest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Range(pub f64, pub f64);
+
+/// One number, or the least and the largest.
+pub fn parse_range(text: &str) -> Result<Range, String> {
+    const FORM: &str = "give a number greater than 0, such as 0.45, or a range, such as 0.15-0.27";
     let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite() && *x > 0.0);
     let (low, high) = text.split_once('-').unwrap_or((text, text));
     match (number(low), number(high)) {
-        (Some(lag_min_s), Some(lag_max_s)) if lag_min_s <= lag_max_s => {
-            Ok(Lags { lag_min_s, lag_max_s })
-        }
+        (Some(low), Some(high)) if low <= high => Ok(Range(low, high)),
         _ => Err(FORM.to_owned()),
     }
+}
+
+/// The plants of a lag and a gain.
+pub fn plants(lag_s: Range, plant_gain: Range) -> Plants {
+    let (Range(lag_min_s, lag_max_s), Range(gain_min, gain_max)) = (lag_s, plant_gain);
+    Plants { lag_min_s, lag_max_s, gain_min, gain_max }
 }
 
 /// `any`, or the largest derivative of the delay.

@@ -5,12 +5,18 @@
 //! constant delays, and one simulated run of the paper's platooning scenario.
 
 use certificate::simulation::{Course, Leader, Run};
-use certificate::{Gain, library, margin};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use certificate::{Gain, GainFile, library, margin};
 use clap::Args;
 
+use crate::compare::figure::Figure;
+use crate::compare::picture;
 use crate::failure::Failure;
 
 use super::conditions::parse_seconds;
+use super::figures;
 
 /// The grid of K1: first, last and step of each of its three numbers.
 const GRID: [(f64, f64, f64); 3] = [(1.4, 6.0, 0.2), (2.0, 6.0, 0.2), (0.2, 2.4, 0.1)];
@@ -34,22 +40,25 @@ pub struct ScanArgs {
     /// Lines to print.
     #[arg(long, value_name = "N", default_value_t = 20)]
     lines: usize,
+    /// Folder for pictures of the trade-off and of the library's margins, and for their numbers.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
 }
 
 /// A gain by what it is good for; less is better in all of the first three but the margin.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Merit {
+pub struct Merit {
     gain: Gain,
     /// Peak over frequency from the disturbance to the error, at the longest delay.
-    peak: f64,
+    pub peak: f64,
     /// Largest error of the simulated run \[m\].
     error_m: f64,
     /// Longest constant delay \[s\].
-    margin_s: f64,
+    pub margin_s: f64,
     /// Longest delay at any rate, by small gain \[s\].
     any_rate_s: f64,
     /// Largest command of the simulated run \[m/s²\].
-    command_mps2: f64,
+    pub command_mps2: f64,
 }
 
 impl Merit {
@@ -91,14 +100,20 @@ impl Merit {
 /// Scans; prints the gains that beat the published one, and those that nothing on the grid beats.
 ///
 /// # Errors
-/// When the published gain is missing.
+/// When the published gain is missing, or a file cannot be written.
 pub fn run(args: &ScanArgs) -> Result<(), Failure> {
     let (_, file) = library::named("published")
         .ok_or_else(|| Failure::cannot_start("the library has no gain named published"))?;
     let published = Merit::of(Gain { k2: [0.0; 3], ..file.gain }, args);
-    let merits: Vec<Merit> = admissible(args).map(|gain| Merit::of(gain, args)).collect();
-    let mut allowed: Vec<Merit> =
-        merits.into_iter().filter(|merit| merit.command_mps2 <= args.command_max).collect();
+    let gains: Vec<Gain> = admissible(args).collect();
+    let merit = |(i, gain): (usize, &Gain)| {
+        if i.is_multiple_of(1000) {
+            anstream::eprintln!("gain {i} of {}", gains.len());
+        }
+        Merit::of(*gain, args)
+    };
+    let mut allowed: Vec<Merit> = gains.iter().enumerate().map(merit).collect();
+    allowed.retain(|merit| merit.command_mps2 <= args.command_max);
     allowed.sort_by(|a, b| a.error_m.total_cmp(&b.error_m));
     let better: Vec<Merit> =
         allowed.iter().filter(|merit| merit.is_as_good_as(&published)).copied().collect();
@@ -119,6 +134,32 @@ pub fn run(args: &ScanArgs) -> Result<(), Failure> {
         front.len()
     );
     print_some(&front, args.lines);
+    let Some(folder) = &args.out else { return Ok(()) };
+    let drawn = [figures::trade_off(&allowed, &published, args.delay_s), library_margins()?];
+    drawn.iter().try_for_each(|figure| write(folder, figure))
+}
+
+/// The margins of the library's gains, each once.
+fn library_margins() -> Result<Figure, Failure> {
+    let mut gains: Vec<GainFile> = Vec::new();
+    for file in library::all().map_err(Failure::cannot_start)? {
+        if gains.iter().all(|known| known.gain.k1 != file.gain.k1) {
+            gains.push(file);
+        }
+    }
+    Ok(figures::margins(&gains))
+}
+
+/// A figure's picture and its numbers.
+fn write(folder: &Path, figure: &Figure) -> Result<(), Failure> {
+    let mut files = vec![(format!("{}.svg", figure.file), picture::svg(figure))];
+    files.extend(figure.tables());
+    fs::create_dir_all(folder)
+        .and_then(|()| {
+            files.into_iter().try_for_each(|(name, text)| fs::write(folder.join(name), text))
+        })
+        .map_err(|error| Failure::cannot_start(format!("{}: {error}", folder.display())))?;
+    anstream::eprintln!("written to {}", folder.join(format!("{}.svg", figure.file)).display());
     Ok(())
 }
 

@@ -3,16 +3,20 @@
 use std::fs;
 use std::path::PathBuf;
 
-use certificate::{Conditions, DelayBound, Gain, GainFile, Lags, Rate};
+use certificate::{Conditions, DelayBound, Gain, GainFile, Plants, Rate};
 use clap::{Args, ValueEnum};
 use synthesis::prove::{self, Claim};
+use synthesis::tradeoff::{self, Candidate, Limits, Objective};
 use synthesis::{Design, Disturbance, Platoon, Undesigned, complementarity, convex, wirtinger};
 
+use crate::cli::Word;
 use crate::failure::Failure;
 use crate::summary::Verdict;
 
 use super::certify;
-use super::conditions::{find, parse_lags, parse_rate, parse_seconds, parse_three};
+use super::conditions::{
+    Range, find, parse_range, parse_rate, parse_seconds, parse_three, plants, shown,
+};
 
 /// The gamma from which a search for the least one starts: far above any useful one.
 const GAMMA_WORST: f64 = 2.0;
@@ -31,8 +35,11 @@ pub struct SynthesiseArgs {
     #[arg(long, value_name = "TEXT")]
     about: Option<String>,
     /// Lag of the trucks in seconds, or the least and the largest.
-    #[arg(long, value_name = "S|LO-HI", default_value = "0.45", value_parser = parse_lags)]
-    lag_s: Lags,
+    #[arg(long, value_name = "S|LO-HI", default_value = "0.45", value_parser = parse_range)]
+    lag_s: Range,
+    /// Gain of the trucks, acceleration per commanded acceleration, or the least and the largest.
+    #[arg(long, value_name = "G|LO-HI", default_value = "1", value_parser = parse_range)]
+    plant_gain: Range,
     /// Longest delay in seconds.
     #[arg(long, value_name = "S", default_value = "0.25", value_parser = parse_seconds)]
     delay_s: f64,
@@ -42,6 +49,20 @@ pub struct SynthesiseArgs {
     /// Way to the gain.
     #[arg(long, value_enum, default_value_t = Method::Convex)]
     method: Method,
+    /// Design many, and choose by what is wanted; prints the table of those that none beats.
+    #[arg(long, value_enum, conflicts_with_all = ["method", "gamma", "followers",
+          "common_disturbance", "keep", "k1"])]
+    objective: Option<Wanted>,
+    /// What --objective may choose from: gamma at most.
+    #[arg(long, value_name = "GAMMA", value_parser = parse_seconds, requires = "objective")]
+    gamma_max: Option<f64>,
+    /// The same: stable for constant delays of at least so many seconds.
+    #[arg(long, value_name = "S", value_parser = parse_seconds, requires = "objective")]
+    margin_min_s: Option<f64>,
+    /// The same: the largest command in the paper's platooning manoeuvre, in m/s², about what the
+    /// actuators can do.
+    #[arg(long, value_name = "MPS2", value_parser = parse_seconds, requires = "objective")]
+    command_max: Option<f64>,
     /// Gamma to reach; the least there is when left out. Only with --method complementarity.
     #[arg(long, value_name = "GAMMA", value_parser = parse_seconds)]
     gamma: Option<f64>,
@@ -85,6 +106,30 @@ enum Method {
     Wirtinger,
 }
 
+/// What a gain is chosen by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Wanted {
+    /// The least gamma.
+    Gamma,
+    /// The longest constant delay.
+    Margin,
+    /// The least of the largest commands.
+    Command,
+    /// What gives up least in each of the three.
+    Balanced,
+}
+
+impl From<Wanted> for Objective {
+    fn from(wanted: Wanted) -> Self {
+        match wanted {
+            Wanted::Gamma => Self::Gamma,
+            Wanted::Margin => Self::Margin,
+            Wanted::Command => Self::Command,
+            Wanted::Balanced => Self::Balanced,
+        }
+    }
+}
+
 /// Designs, proves, checks, writes.
 ///
 /// # Errors
@@ -95,7 +140,7 @@ pub fn run(args: &SynthesiseArgs) -> Result<Verdict, Failure> {
         name: args.name.clone(),
         about: args.about.clone().unwrap_or(about),
         gain,
-        lags: args.lag_s,
+        plants: args.plants(),
         delay: args.delay(),
         followers: usize::from(args.prove),
     };
@@ -122,32 +167,69 @@ impl SynthesiseArgs {
         DelayBound { longest_s: self.delay_s, rate: self.rate }
     }
 
-    /// The platoons at the ends of the lags.
+    fn refusal(&self, why: impl std::fmt::Display) -> Failure {
+        let plants = shown(&self.plants());
+        Failure::usage(format!("{plants}, delays up to {} s: {why}", self.delay_s))
+    }
+
+    fn plants(&self) -> Plants {
+        plants(self.lag_s, self.plant_gain)
+    }
+
+    /// The platoons at the corners of the plants.
     fn corners(&self) -> Vec<Platoon> {
         let disturbance =
             if self.common_disturbance { Disturbance::Common } else { Disturbance::Independent };
         let platoon =
-            |lag_s| Platoon { disturbance, ..Platoon::alike(usize::from(self.followers), lag_s) };
-        self.lag_s.ends().into_iter().map(platoon).collect()
+            |plant| Platoon { disturbance, ..Platoon::alike(usize::from(self.followers), plant) };
+        self.plants().corners().into_iter().map(platoon).collect()
     }
 }
 
 /// The gain to prove, and where it comes from.
 fn chosen(args: &SynthesiseArgs) -> Result<(Gain, String), Failure> {
     let (gain, about) = if let Some(name) = &args.keep {
-        let (_, file) = find(name)?;
+        let file = find(name)?;
         (file.gain, file.about)
     } else if let Some(k1) = args.k1 {
         let k2 = args.k2.unwrap_or([0.0; 3]);
         (Gain { k1, k2, leader_feedforward: false }, "given by hand".to_owned())
+    } else if let Some(objective) = args.objective {
+        (chosen_among_many(args, objective)?.gain, format!("{} of many designs", objective.word()))
     } else {
-        let design = designed(args).map_err(|why| {
-            Failure::usage(format!("lag {:?}, delay {} s: {why}", args.lag_s, args.delay_s))
-        })?;
+        let design = designed(args).map_err(|why| args.refusal(why))?;
         let steps = design.iterations;
         (design.common_gain(), format!("{} after {steps} programs", args.method.described()))
     };
     Ok((Gain { leader_feedforward: gain.leader_feedforward || args.feedforward, ..gain }, about))
+}
+
+/// Designs many, shows those that none beats, and takes the one that is wanted.
+fn chosen_among_many(args: &SynthesiseArgs, wanted: Wanted) -> Result<Candidate, Failure> {
+    let say = &mut |number, count| anstream::eprintln!("design {number} of {count}");
+    let plants = args.plants();
+    let found =
+        tradeoff::candidates(&plants, args.delay_s, say).map_err(|why| args.refusal(why))?;
+    let limits = Limits {
+        gamma_max: args.gamma_max.unwrap_or(Limits::NONE.gamma_max),
+        margin_min_s: args.margin_min_s.unwrap_or(Limits::NONE.margin_min_s),
+        command_max_mps2: args.command_max.unwrap_or(Limits::NONE.command_max_mps2),
+    };
+    let chosen = tradeoff::choose(&found, wanted.into(), &limits);
+    anstream::eprintln!("K1                  gamma   margin s any rate s error m command m/s²");
+    for one in tradeoff::front(&found) {
+        let [position, speed, accel] = one.gain.k1;
+        let mark = if chosen == Some(one) { "  chosen" } else { "" };
+        anstream::eprintln!(
+            "{position:.3} {speed:.3} {accel:.3}   {:.4}  {:.3}    {:.3}      {:.3}   {:.2}{mark}",
+            one.gamma,
+            one.margin_s,
+            one.any_rate_s,
+            one.error_m,
+            one.command_mps2
+        );
+    }
+    chosen.ok_or_else(|| args.refusal("no design keeps the limits; widen them"))
 }
 
 fn designed(args: &SynthesiseArgs) -> Result<Design, Undesigned> {

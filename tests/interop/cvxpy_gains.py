@@ -19,12 +19,12 @@ TOLERANCE = 5e-3
 SOLVER_ERROR = 5e-4
 
 
-def loops(gain, lags, followers):
-    """x' = A x + Ad x(t - delay) + B w, z = C x for a platoon of equal trucks, one per lag."""
+def loops(gain, plants, followers):
+    """x' = A x + Ad x(t - delay) + B w, z = C x for a platoon of equal trucks, one per (lag, plant gain)."""
     k1, k2 = np.array(gain["k1"]), np.array(gain["k2"])
-    for lag in lags:
+    for lag, strength in plants:
         a1 = np.array([[0, 1, 0], [0, 0, 1], [0, 0, -1 / lag]])
-        bu = np.array([[0], [0], [-1 / lag]])
+        bu = np.array([[0], [0], [-strength / lag]])
         bw = np.array([[0, 0], [0, 0], [1 / lag, 1]])
         eye = np.eye(followers)
         k = np.kron(eye, k1[None, :]) + np.kron(np.eye(followers, k=-1), k2[None, :])
@@ -32,11 +32,11 @@ def loops(gain, lags, followers):
         yield np.kron(eye, a1), np.kron(eye, bu) @ k, np.kron(eye, bw), c
 
 
-def channel(gain, lags, from_forwarded, to_forwarded):
+def channel(gain, plants, from_forwarded, to_forwarded):
     """One truck, from w or from the forwarded signal, to its error or to what it forwards."""
-    for (a, ad, b, c), lag in zip(loops(gain, lags, 1), lags):
+    for (a, ad, b, c), (lag, strength) in zip(loops(gain, plants, 1), plants):
         if from_forwarded:
-            b = np.array([[0], [0], [-1 / lag]])
+            b = np.array([[0], [0], [-strength / lag]])
         if to_forwarded:
             c = np.array([gain["k2"]])
         yield a, ad, b, c
@@ -110,7 +110,10 @@ def wirtinger(systems, h):
 def proofs(file):
     """(what, gamma in the file, gamma computed here) for every proof."""
     gain, h = file["gain"], file["delay"]["longest_s"]
-    lags = sorted({file["plant"]["lag_min_s"], file["plant"]["lag_max_s"]})
+    plant = file["plant"]
+    lags = {plant["lag_min_s"], plant["lag_max_s"]}
+    strengths = {plant.get("gain_min", 1.0), plant.get("gain_max", 1.0)}
+    plants = sorted((lag, strength) for lag in lags for strength in strengths)
     vehicle = file.get("vehicle", {})
     channels = {"disturbance_to_error": (vehicle, False, False)}
     for name, ends in (
@@ -121,13 +124,13 @@ def proofs(file):
         channels[name] = (vehicle.get("coupling", {}), *ends)
     for name, (table, from_forwarded, to_forwarded) in channels.items():
         if name in table:
-            systems = channel(gain, lags, from_forwarded, to_forwarded)
+            systems = channel(gain, plants, from_forwarded, to_forwarded)
             yield name, table[name]["gamma"], wirtinger(systems, h)
     for platoon in file.get("platoon", []):
         n = platoon["followers"]
         if n > 1 and not any(gain["k2"]):
             continue  # The trucks are not coupled: the same numbers as for one, only slower.
-        yield f"{n} followers", platoon["proof"]["gamma"], jensen(loops(gain, lags, n), h)
+        yield f"{n} followers", platoon["proof"]["gamma"], jensen(loops(gain, plants, n), h)
 
 
 def main():

@@ -8,7 +8,7 @@ use crate::form::{
     Channel, JensenMatrices, Loop, Number, WirtingerMatrices, coupled, jensen_form, matrix,
     wirtinger_form,
 };
-use crate::gain::{DelayBound, Gain, Lags, Rate};
+use crate::gain::{DelayBound, Gain, Plants, Rate};
 use crate::proof::{Jensen, Wirtinger};
 
 /// What a proof is about.
@@ -16,8 +16,8 @@ use crate::proof::{Jensen, Wirtinger};
 pub struct Subject {
     /// The gain.
     pub gain: Gain,
-    /// The lags it has to cope with.
-    pub lags: Lags,
+    /// The plants it has to cope with.
+    pub plants: Plants,
     /// One vehicle's channel, or so many followers at once.
     pub part: Part,
 }
@@ -55,14 +55,14 @@ impl Checked {
 }
 
 impl Subject {
-    /// The loops at the ends of the lags. Every form is convex in 1/tau: where it is negative at
-    /// both ends it is negative between them.
+    /// The loops at the corners of the plants. Every form is convex in (1/tau, g/tau): where it is
+    /// negative at the corners it is negative between them.
     fn loops<T: Number>(&self) -> Option<Vec<Loop<T>>> {
-        let one = |lag_s| match self.part {
-            Part::Platoon(followers) => Loop::platoon(&self.gain, lag_s, followers),
-            Part::Vehicle(channel) => Loop::vehicle(&self.gain, lag_s, channel),
+        let one = |corner| match self.part {
+            Part::Platoon(followers) => Loop::platoon(&self.gain, corner, followers),
+            Part::Vehicle(channel) => Loop::vehicle(&self.gain, corner, channel),
         };
-        self.lags.ends().into_iter().map(one).collect()
+        self.plants.corners().into_iter().map(one).collect()
     }
 
     fn order(&self) -> usize {
@@ -73,8 +73,7 @@ impl Subject {
     }
 
     fn is_sound(&self) -> bool {
-        let Lags { lag_min_s, lag_max_s } = self.lags;
-        lag_min_s > 0.0 && lag_min_s <= lag_max_s && lag_max_s.is_finite() && self.order() > 0
+        self.plants.is_sound() && self.order() > 0
     }
 }
 

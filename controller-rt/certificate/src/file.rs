@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::gain::{DelayBound, Gain, Lags, Rate};
+use crate::gain::{DelayBound, Gain, Plants, Rate};
 use crate::proof::{Jensen, Wirtinger};
 
 /// The layout of the file that this program writes and reads.
@@ -22,8 +22,8 @@ pub struct GainFile {
     pub about: String,
     /// The gain.
     pub gain: Gain,
-    /// The lags it is for.
-    pub plant: Lags,
+    /// The plants it is for.
+    pub plant: Plants,
     /// The delays it is for.
     pub delay: DelayBound,
     /// Proofs for one truck, which hold in a platoon of any length.
@@ -112,7 +112,7 @@ impl GainFile {
 
     /// The first number that makes no sense, and what is allowed.
     fn nonsense(&self) -> Option<(&'static str, &'static str)> {
-        let Lags { lag_min_s, lag_max_s } = self.plant;
+        let Plants { lag_min_s, lag_max_s, gain_min, gain_max } = self.plant;
         let positive = |x: f64| x.is_finite() && x > 0.0;
         let mut gains = self.gain.k1.iter().chain(&self.gain.k2);
         let has_rate = match self.delay.rate {
@@ -127,6 +127,12 @@ impl GainFile {
                 "plant.lag_max_s",
                 "a number of at least lag_min_s",
             ),
+            (positive(gain_min), "plant.gain_min", "a number greater than 0"),
+            (
+                positive(gain_max) && gain_max >= gain_min,
+                "plant.gain_max",
+                "a number of at least gain_min",
+            ),
             (positive(self.delay.longest_s), "delay.longest_s", "a number greater than 0"),
             (has_rate, "delay.rate", "\"any\", or { below = a number from 0 up to less than 1 }"),
             (gains.all(|k| k.is_finite()), "gain", "finite gains"),
@@ -134,6 +140,15 @@ impl GainFile {
         ]
         .into_iter()
         .find_map(|(is_sound, key, allowed)| (!is_sound).then_some((key, allowed)))
+    }
+
+    /// How many trucks, leader included, a platoon may have for a gamma of this file to hold; `None`
+    /// when any number may: one truck is proven with what it forwards, or forwards nothing.
+    #[must_use]
+    pub fn trucks_max(&self) -> Option<usize> {
+        let is_any = self.vehicle.is_some() || !self.gain.is_coupled();
+        let most = self.platoon.iter().map(|proof| proof.followers + 1).max();
+        (!is_any).then_some(most.unwrap_or(0))
     }
 
     /// The least gamma proven for the first follower; `None` without such a proof.

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, Scalar};
 use num_rational::BigRational;
 use num_traits::Num;
 
-use crate::gain::Gain;
+use crate::gain::{Corner, Gain};
 
 /// States of one vehicle.
 const STATES: usize = 3;
@@ -87,8 +87,9 @@ impl<T: Number> Loop<T> {
     /// Followers that are alike under one gain, from their disturbances to their position errors.
     /// The disturbances w_i = [a_0, a_0'] are each follower's own, which includes that they are
     /// equal.
-    pub fn platoon(gain: &Gain, lag_s: f64, followers: usize) -> Option<Self> {
-        let fast = T::one() / T::of(lag_s)?;
+    pub fn platoon(gain: &Gain, plant: Corner, followers: usize) -> Option<Self> {
+        let fast = T::one() / T::of(plant.lag_s)?;
+        let strong = T::of(plant.gain)? * fast.clone();
         let n = STATES * followers;
         let mut closed = Self {
             a: zeros(n, n),
@@ -105,10 +106,10 @@ impl<T: Number> Loop<T> {
             closed.input[(at + 2, 2 * i + 1)] = T::one();
             closed.output[(i, at)] = T::one();
             for state in 0..STATES {
-                closed.delayed[(at + 2, at + state)] = -(fast.clone() * T::of(gain.k1[state])?);
+                closed.delayed[(at + 2, at + state)] = -(strong.clone() * T::of(gain.k1[state])?);
                 if i > 0 {
                     let ahead = at - STATES + state;
-                    closed.delayed[(at + 2, ahead)] = -(fast.clone() * T::of(gain.k2[state])?);
+                    closed.delayed[(at + 2, ahead)] = -(strong.clone() * T::of(gain.k2[state])?);
                 }
             }
         }
@@ -116,12 +117,12 @@ impl<T: Number> Loop<T> {
     }
 
     /// One vehicle, from and to what a [`Channel`] says.
-    pub fn vehicle(gain: &Gain, lag_s: f64, channel: Channel) -> Option<Self> {
-        let mut closed = Self::platoon(gain, lag_s, 1)?;
+    pub fn vehicle(gain: &Gain, plant: Corner, channel: Channel) -> Option<Self> {
+        let mut closed = Self::platoon(gain, plant, 1)?;
         if channel.is_from_forwarded() {
-            let fast = T::one() / T::of(lag_s)?;
+            let strong = T::of(plant.gain)? / T::of(plant.lag_s)?;
             closed.input = zeros(STATES, 1);
-            closed.input[(2, 0)] = -fast;
+            closed.input[(2, 0)] = -strong;
         }
         if channel.is_to_forwarded() {
             for state in 0..STATES {

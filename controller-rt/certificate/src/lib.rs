@@ -27,8 +27,9 @@ mod verdict;
 
 pub use file::{CouplingProofs, FileError, GainFile, PlatoonProof, VERSION, VehicleProofs};
 pub use form::Channel;
-pub use gain::{DelayBound, Gain, Lags, Rate};
+pub use gain::{Corner, DelayBound, Gain, Plants, Rate};
 pub use proof::{Jensen, Wirtinger};
 pub use verdict::{
-    Conditions, Finding, Threshold, Verdict, certify, proofs, stability, string_bound,
+    Conditions, Finding, Threshold, Verdict, certify, mixed_string_bound, proofs, stability,
+    string_bound,
 };

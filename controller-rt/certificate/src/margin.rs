@@ -11,7 +11,7 @@
 
 use nalgebra::{Complex, ComplexField};
 
-use crate::gain::{Gain, Lags};
+use crate::gain::{Gain, Plants};
 
 /// Frequencies of a sweep \[rad/s\]: three decades about the loop's own on both sides.
 const SWEEP: (f64, f64, usize) = (1e-3, 1e3, 4_000);
@@ -145,7 +145,10 @@ pub fn peaks(gain: &Gain, lag_s: f64, delay_s: f64) -> Peaks {
     })
 }
 
-/// The smallest of a margin over the ends of the lags.
-pub(crate) fn over(lags: &Lags, margin: impl Fn(f64) -> f64) -> f64 {
-    lags.ends().into_iter().map(margin).fold(f64::INFINITY, f64::min)
+/// The smallest of a margin over the corners of the plants, each given as the gain in series with
+/// it and its lag.
+#[must_use]
+pub fn least_over(plants: &Plants, gain: &Gain, margin: impl Fn(&Gain, f64) -> f64) -> f64 {
+    let of = |corner: crate::Corner| margin(&gain.through(corner.gain), corner.lag_s);
+    plants.corners().into_iter().map(of).fold(f64::INFINITY, f64::min)
 }

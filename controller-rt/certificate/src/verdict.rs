@@ -1,9 +1,9 @@
 //! All checks of a gain, each with its number and its threshold.
 
 use crate::check::{self, Checked, Part, Subject};
-use crate::file::{GainFile, PlatoonProof, VehicleProofs};
+use crate::file::{CouplingProofs, GainFile, PlatoonProof, VehicleProofs};
 use crate::form::Channel;
-use crate::gain::{DelayBound, Lags, Rate};
+use crate::gain::{DelayBound, Gain, Plants, Rate};
 use crate::margin;
 use crate::proof::Wirtinger;
 use crate::simulation::{Course, Leader, Run};
@@ -25,8 +25,8 @@ const STEP_ERROR: f64 = 1.005;
 /// What a gain is to be good for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
-    /// The lags it has to cope with.
-    pub lags: Lags,
+    /// The plants it has to cope with.
+    pub plants: Plants,
     /// The longest delay \[s\].
     pub longest_s: f64,
     /// Time between two messages \[s\].
@@ -37,7 +37,7 @@ impl Conditions {
     /// Those a gain file names itself.
     #[must_use]
     pub fn of(file: &GainFile, period_s: f64) -> Self {
-        Self { lags: file.plant, longest_s: file.delay.longest_s, period_s }
+        Self { plants: file.plant, longest_s: file.delay.longest_s, period_s }
     }
 }
 
@@ -128,7 +128,7 @@ pub fn stability(file: &GainFile, conditions: &Conditions) -> Verdict {
 #[must_use]
 pub fn proofs(file: &GainFile, conditions: &Conditions) -> Verdict {
     let mut verdict = Verdict::default();
-    let (lags, delay) = covering(file, conditions);
+    let (plants, delay) = covering(file, conditions);
     let count = file.platoon.len() + usize::from(file.vehicle.is_some());
     verdict.add("proofs in the file", count as f64, Threshold::Above(0.0));
     if let Some(vehicle) = &file.vehicle {
@@ -136,13 +136,13 @@ pub fn proofs(file: &GainFile, conditions: &Conditions) -> Verdict {
             verdict.add("one truck: proofs of what is forwarded", 0.0, Threshold::Above(0.0));
         }
         for (name, channel, proof) in channels(vehicle) {
-            let subject = Subject { gain: file.gain, lags, part: Part::Vehicle(channel) };
+            let subject = Subject { gain: file.gain, plants, part: Part::Vehicle(channel) };
             let checked = check::wirtinger(&subject, delay.longest_s, proof);
             add_proof(&mut verdict, &format!("one truck, {name}"), proof.gamma, checked);
         }
     }
     for PlatoonProof { followers, proof } in &file.platoon {
-        let subject = Subject { gain: file.gain, lags, part: Part::Platoon(*followers) };
+        let subject = Subject { gain: file.gain, plants, part: Part::Platoon(*followers) };
         let checked = check::jensen(&subject, delay, proof);
         add_proof(&mut verdict, &format!("{followers} followers"), proof.gamma, checked);
     }
@@ -150,11 +150,12 @@ pub fn proofs(file: &GainFile, conditions: &Conditions) -> Verdict {
 }
 
 /// What the proofs are checked for: what the file says, unless more is asked for. A proof for a
-/// longer delay holds for a shorter one, one for more lags for fewer.
-fn covering(file: &GainFile, conditions: &Conditions) -> (Lags, DelayBound) {
-    let lags = if file.plant.cover(&conditions.lags) { file.plant } else { conditions.lags };
+/// longer delay holds for a shorter one, one for more plants for fewer.
+fn covering(file: &GainFile, conditions: &Conditions) -> (Plants, DelayBound) {
+    let is_covered = file.plant.cover(&conditions.plants);
+    let plants = if is_covered { file.plant } else { conditions.plants };
     let longest_s = conditions.longest_s.max(file.delay.longest_s);
-    (lags, DelayBound { longest_s, rate: file.delay.rate })
+    (plants, DelayBound { longest_s, rate: file.delay.rate })
 }
 
 fn channels(vehicle: &VehicleProofs) -> Vec<(&'static str, Channel, &Wirtinger)> {
@@ -180,38 +181,39 @@ fn add_proof(verdict: &mut Verdict, name: &str, gamma: f64, checked: Checked) {
 }
 
 fn margins(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
-    let (gain, lags) = (&file.gain, &conditions.lags);
+    let (gain, plants) = (&file.gain, &conditions.plants);
     let longest_s = conditions.longest_s;
-    let margin_s = margin::over(lags, |lag_s| margin::delay_margin_s(gain, lag_s));
+    let margin_s = margin::least_over(plants, gain, margin::delay_margin_s);
     verdict.add("longest constant delay [s]", margin_s, Threshold::Above(longest_s));
-    let any_s = margin::over(lags, |lag_s| margin::any_rate_small_gain_s(gain, lag_s));
+    let any_s = margin::least_over(plants, gain, margin::any_rate_small_gain_s);
     verdict.add("longest delay at any rate, by small gain [s]", any_s, Threshold::None);
     for i in 0..=DELAYS {
         let delay_s = longest_s * i as f64 / DELAYS as f64;
-        let right = |lag_s: f64| {
-            spectrum::rightmost_root(gain, lag_s, delay_s).map_or(f64::INFINITY, |root| root.re)
+        let left = |gain: &Gain, lag_s: f64| {
+            spectrum::rightmost_root(gain, lag_s, delay_s)
+                .map_or(f64::NEG_INFINITY, |root| -root.re)
         };
-        let right = lags.ends().into_iter().map(right).fold(f64::NEG_INFINITY, f64::max);
+        let right = -margin::least_over(plants, gain, left);
         let what = format!("rightmost root at {delay_s:.3} s [1/s]");
         verdict.add(what, right, Threshold::Below(0.0));
     }
     let period_s = conditions.period_s;
     let latency_s = (longest_s - period_s).max(0.0);
-    let radius = |lag_s: f64| {
-        spectrum::sampled_radius(gain, lag_s, period_s, latency_s).unwrap_or(f64::INFINITY)
+    let radius = |gain: &Gain, lag_s: f64| {
+        -spectrum::sampled_radius(gain, lag_s, period_s, latency_s).unwrap_or(f64::INFINITY)
     };
-    let radius = lags.ends().into_iter().map(radius).fold(0.0, f64::max);
+    let radius = -margin::least_over(plants, gain, radius);
     let what = format!("spectral radius, {period_s} s messages {latency_s:.3} s late");
     verdict.add(what, radius, Threshold::Below(1.0));
 }
 
 fn peaks(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
-    let none = margin::Peaks { error: 0.0, forwarded: 0.0, gap: 0.0 };
-    let mut most = none;
+    let mut most = margin::Peaks { error: 0.0, forwarded: 0.0, gap: 0.0 };
     for i in 0..=DELAYS {
         let delay_s = conditions.longest_s * i as f64 / DELAYS as f64;
-        for lag_s in conditions.lags.ends() {
-            let peaks = margin::peaks(&file.gain, lag_s, delay_s);
+        for corner in conditions.plants.corners() {
+            let gain = file.gain.through(corner.gain);
+            let peaks = margin::peaks(&gain, corner.lag_s, delay_s);
             most.error = most.error.max(peaks.error);
             most.forwarded = most.forwarded.max(peaks.forwarded);
             most.gap = most.gap.max(peaks.gap);
@@ -223,21 +225,33 @@ fn peaks(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
     verdict.add("peak over frequency, gap behind a lone brake", most.gap, Threshold::None);
 }
 
-/// The bound that no length of the platoon exceeds: a truck's error is what w does to it directly,
-/// plus what all trucks ahead forward, a geometric series.
+/// The bound that no length of a platoon of equal trucks exceeds: a truck's error is what w does to
+/// it directly, plus what all trucks ahead forward, a geometric series.
 ///
 /// q is what a delay may do to the energy of a forwarded signal, 1/sqrt(1 - mu). Truck for truck
 /// the delay may be another.
 #[must_use]
 pub fn string_bound(vehicle: &VehicleProofs, mu: f64) -> Option<f64> {
-    let own = vehicle.disturbance_to_error.gamma;
-    let Some(coupling) = &vehicle.coupling else {
-        return Some(own);
+    mixed_string_bound(std::slice::from_ref(vehicle), mu)
+}
+
+/// The same for trucks that differ, in any order and any number of each: with the largest of each
+/// of the four gains in the place of one truck's, |x_i| <= g1 |w| + gs |f|, |f| <= q (gw |w| +
+/// gT |f ahead|), whatever truck is ahead. `None` when the series has no bound, or no truck is
+/// given.
+#[must_use]
+pub fn mixed_string_bound(vehicles: &[VehicleProofs], mu: f64) -> Option<f64> {
+    let own = |vehicle: &VehicleProofs| vehicle.disturbance_to_error.gamma;
+    let own = vehicles.iter().map(own).max_by(f64::total_cmp)?;
+    let largest = |of: fn(&CouplingProofs) -> &Wirtinger| {
+        let gammas = vehicles.iter().filter_map(|vehicle| vehicle.coupling.as_ref());
+        gammas.map(|coupling| of(coupling).gamma).fold(0.0, f64::max)
     };
     let q = 1.0 / (1.0 - mu).sqrt();
-    let repeated = q * coupling.forwarded_to_forwarded.gamma;
-    let fed = q * coupling.disturbance_to_forwarded.gamma;
-    (repeated < 1.0).then(|| own + coupling.forwarded_to_error.gamma * fed / (1.0 - repeated))
+    let repeated = q * largest(|coupling| &coupling.forwarded_to_forwarded);
+    let fed = q * largest(|coupling| &coupling.disturbance_to_forwarded);
+    let taken = largest(|coupling| &coupling.forwarded_to_error);
+    (repeated < 1.0).then(|| own + taken * fed / (1.0 - repeated))
 }
 
 fn string(file: &GainFile, verdict: &mut Verdict) {
@@ -269,13 +283,13 @@ fn runs(file: &GainFile, conditions: &Conditions, verdict: &mut Verdict) {
         Leader::Tone { w_radps: 3.0 },
     ];
     let (mut left, mut first, mut all) = (0.0_f64, 0.0_f64, 0.0_f64);
-    for lag_s in conditions.lags.ends() {
+    for corner in conditions.plants.corners() {
         for (course, leader) in courses.iter().flat_map(|c| leaders.iter().map(move |l| (c, l))) {
             let is_random = matches!(course, Course::BangBang | Course::Wander);
             for seed in 0..if is_random { SEEDS } else { 1 } {
                 let run = Run {
-                    gain: crate::Gain { leader_feedforward: false, ..file.gain },
-                    lags_s: vec![lag_s; SIMULATED],
+                    gain: Gain { leader_feedforward: false, ..file.gain.through(corner.gain) },
+                    lags_s: vec![corner.lag_s; SIMULATED],
                     longest_s,
                     course: *course,
                     leader: *leader,

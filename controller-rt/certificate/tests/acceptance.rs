@@ -2,8 +2,8 @@
 //! simulations of their own; and against certificates that are wrong.
 
 use certificate::{
-    Channel, Conditions, DelayBound, Gain, GainFile, Lags, certify, check, library, margin, proofs,
-    spectrum, stability, string_bound,
+    Channel, Conditions, Corner, DelayBound, Gain, GainFile, Plants, certify, check, library,
+    margin, proofs, spectrum, stability, string_bound,
 };
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
@@ -44,7 +44,7 @@ fn c1_the_published_gain_is_proven_with_the_gammas_computed_elsewhere() {
 fn c1_it_is_refused_for_a_short_lag_and_for_a_long_delay() {
     let file = published();
     let own = Conditions::of(&file, PERIOD_S);
-    let short = Conditions { lags: Lags::only(0.1), ..own };
+    let short = Conditions { plants: Plants::only(0.1), ..own };
     let long = Conditions { longest_s: 0.5, ..own };
     for conditions in [short, long] {
         assert!(!proofs(&file, &conditions).is_certified(), "{conditions:?}");
@@ -67,10 +67,11 @@ fn c2_margins_are_those_computed_elsewhere() {
 #[test]
 fn the_margin_is_where_the_rightmost_root_crosses_the_axis() {
     for file in library::all().expect("well formed") {
-        for lag_s in file.plant.ends() {
-            let margin_s = margin::delay_margin_s(&file.gain, lag_s);
+        for corner in file.plant.corners() {
+            let (gain, lag_s) = (file.gain.through(corner.gain), corner.lag_s);
+            let margin_s = margin::delay_margin_s(&gain, lag_s);
             let right =
-                |delay_s| spectrum::rightmost_root(&file.gain, lag_s, delay_s).expect("found").re;
+                |delay_s| spectrum::rightmost_root(&gain, lag_s, delay_s).expect("found").re;
             assert!(right(margin_s - 1e-4) < 0.0 && right(margin_s + 1e-4) > 0.0, "{}", file.name);
         }
     }
@@ -160,11 +161,12 @@ fn damaged(dice: &mut Dice, file: &GainFile) -> (String, GainFile, Conditions) {
             (format!("entry ({i}, {j}) flipped"), file, own)
         }
         2 => {
-            let lags = Lags::only(own.lags.lag_max_s * dice.between(1.5, 12.0));
-            (format!("{lags:?}"), file, Conditions { lags, ..own })
+            let lag_s = own.plants.lag_max_s * dice.between(1.5, 12.0);
+            let plants = Plants { lag_min_s: lag_s, lag_max_s: lag_s, ..own.plants };
+            (format!("{plants:?}"), file, Conditions { plants, ..own })
         }
         _ => {
-            let past = margin::delay_margin_s(&file.gain, own.lags.lag_max_s);
+            let past = margin::least_over(&own.plants, &file.gain, margin::delay_margin_s);
             let longest_s = past * dice.between(1.01, 2.0);
             (format!("delay {longest_s}"), file, Conditions { longest_s, ..own })
         }
@@ -187,15 +189,27 @@ fn a_thousand_damaged_certificates_are_refused() {
 }
 
 #[test]
-fn a_proof_between_two_lags_holds_at_every_lag_between() {
-    let (_, file) = library::named("short-lag").expect("built in");
-    let proof = &file.vehicle.as_ref().expect("in the file").disturbance_to_error;
-    for lag_s in [0.15, 0.18, 0.21, 0.24, 0.27] {
-        let lags = Lags::only(lag_s);
-        let part = check::Part::Vehicle(Channel::DisturbanceToError);
-        let subject = check::Subject { gain: file.gain, lags, part };
-        assert!(check::wirtinger(&subject, LONGEST_S, proof).holds(), "{lag_s}");
+fn a_proof_for_corners_holds_at_every_plant_between() {
+    for name in ["loop", "published-loop"] {
+        let (_, file) = library::named(name).expect("built in");
+        let proof = &file.vehicle.as_ref().expect("in the file").disturbance_to_error;
+        for (lag_s, gain) in [(0.24, 1.0), (0.25, 1.24), (0.27, 0.95), (0.28, 1.215), (0.3, 1.1)] {
+            let plants = Plants::from(Corner { lag_s, gain });
+            let part = check::Part::Vehicle(Channel::DisturbanceToError);
+            let subject = check::Subject { gain: file.gain, plants, part };
+            let checked = check::wirtinger(&subject, LONGEST_S, proof);
+            assert!(checked.holds(), "{name}: lag {lag_s} s, gain {gain}");
+        }
     }
+}
+
+/// A stronger answer of the truck is a larger gain of the loop, and a proof knows the difference.
+#[test]
+fn a_proof_for_gain_one_does_not_hold_for_a_stronger_plant() {
+    let file = published();
+    let own = Conditions::of(&file, PERIOD_S);
+    let stronger = Plants { gain_max: 1.3, ..own.plants };
+    assert!(!proofs(&file, &Conditions { plants: stronger, ..own }).is_certified());
 }
 
 #[test]
@@ -204,7 +218,7 @@ fn a_proof_of_a_smaller_gamma_does_not_hold() {
     for platoon in &mut file.platoon {
         platoon.proof.gamma *= 0.99;
         let part = check::Part::Platoon(platoon.followers);
-        let subject = check::Subject { gain: file.gain, lags: Lags::only(LAG_S), part };
+        let subject = check::Subject { gain: file.gain, plants: Plants::only(LAG_S), part };
         let checked = check::jensen(&subject, DelayBound::any_rate(LONGEST_S), &platoon.proof);
         assert!(!checked.holds(), "{} followers: {checked:?}", platoon.followers);
     }

@@ -119,14 +119,19 @@ pub struct UclCalibration {
     pub k1: [f64; 3],
     /// K̄₂ \[1/s², 1/s, 1\] on the predecessor's error state [MCF, Table II].
     pub k2: [f64; 3],
-    /// Lag tau \[s\] that the gain's certificate must be for; the paper does not print it; ours.
+    /// Lag tau \[s\] of what the gain drives, motion layer and truck together, as `platoon
+    /// identify` finds it; the gain's certificate must be for it. Ours: the paper does not print
+    /// one, and 0.45 s fits its figures and its gain.
     pub lag_s: f64,
+    /// Acceleration per commanded acceleration and second of lead time \[1/s\] of what the gain
+    /// drives, as `platoon identify` finds it; the gain's certificate must be for it, too; ours.
+    pub gain_per_lead_s: f64,
     /// How delayed states are read.
     pub delay_reading: DelayReading,
     /// Longest delay the gain is designed for, h₁ \[s\] [MCF, Table II]; extrapolation stops there.
     pub delay_bound_s: f64,
     /// Time over which the commanded acceleration builds the reference speed \[s\]; ours. The truck
-    /// answers with [`IDENTIFIED_GAIN_PER_LEAD_S`](Self::IDENTIFIED_GAIN_PER_LEAD_S) times as much.
+    /// answers with `gain_per_lead_s` times as much.
     pub lead_time_s: f64,
     /// Smallest commanded acceleration \[m/s²\]; ours.
     pub accel_min_mps2: f64,
@@ -139,18 +144,21 @@ pub struct UclCalibration {
 }
 
 impl UclCalibration {
-    /// Acceleration per commanded acceleration and second of lead time \[1/s\], through reference
-    /// speed, motion layer and truck, as `platoon identify` finds it on the single-track plant; 4 %
-    /// less on the two-track one. `docs/identification.md` has the table.
-    pub const IDENTIFIED_GAIN_PER_LEAD_S: f64 = 0.81;
-    /// The shortest and the longest lag of first order that fits any plant and loop rate from 50 Hz
-    /// to 500 Hz \[s\]. A gain is to be certified for both, not for the 0.45 s that the published
-    /// one fits.
-    pub const IDENTIFIED_LAG_S: [f64; 2] = [0.25, 0.29];
+    /// How far from `lag_s` the lag of any plant and loop rate from 50 Hz to 500 Hz lies, relative:
+    /// `docs/identification.md` has the table.
+    pub const LAG_SPREAD: f64 = 0.08;
+    /// How far from `gain_per_lead_s` that of any of them lies, relative.
+    pub const GAIN_SPREAD: f64 = 0.03;
 
-    /// Gain from commanded to driven acceleration, dimensionless.
-    pub fn identified_gain(&self) -> f64 {
-        Self::IDENTIFIED_GAIN_PER_LEAD_S * self.lead_time_s
+    /// Lags of what the gain drives, least and largest \[s\].
+    pub fn lags_s(&self) -> [f64; 2] {
+        [self.lag_s * (1.0 - Self::LAG_SPREAD), self.lag_s * (1.0 + Self::LAG_SPREAD)]
+    }
+
+    /// Gains from commanded to driven acceleration, least and largest, dimensionless.
+    pub fn driven_gains(&self) -> [f64; 2] {
+        let gain = self.gain_per_lead_s * self.lead_time_s;
+        [gain * (1.0 - Self::GAIN_SPREAD), gain * (1.0 + Self::GAIN_SPREAD)]
     }
 }
 
@@ -301,7 +309,8 @@ impl Default for UclCalibration {
             law: CoordinationLaw::Published,
             k1: [2.156, 3.175, 0.998],
             k2: [0.306, 0.239, 0.065],
-            lag_s: 0.45,
+            lag_s: 0.27,
+            gain_per_lead_s: 0.805,
             delay_reading: DelayReading::Eq4,
             delay_bound_s: 0.25,
             lead_time_s: 1.5,
@@ -373,6 +382,7 @@ impl Calibration {
             ("truck.rear_stiffness_n_per_rad", truck.rear_stiffness_n_per_rad),
             ("truck.half_width_m", truck.half_width_m),
             ("ucl.lag_s", ucl.lag_s),
+            ("ucl.gain_per_lead_s", ucl.gain_per_lead_s),
             ("ucl.delay_bound_s", ucl.delay_bound_s),
             ("ucl.lead_time_s", ucl.lead_time_s),
             ("lml.sigma_0", lml.sigma_0),

@@ -447,3 +447,19 @@ fn a_damaged_snapshot_is_refused_and_changes_nothing() {
         assert_eq!(other.mode(), EcuMode::Waiting);
     }
 }
+
+#[test]
+fn the_first_mission_is_that_of_the_own_truck() {
+    let (rig, mut end) = Loopback::pair("truck0", 64);
+    let mut rig = Rig { bus: rig, counters: [0; 9] };
+    let Message::Mission(mission) = mission(RunState::Preparing) else { unreachable!() };
+    rig.send(&ego(1));
+    rig.send(&Message::Mission(Mission { truck_index: 1, platoon_size: 9, ..mission }));
+    rig.send(&Message::Mission(Mission { platoon_size: 4, ..mission }));
+    let decoder = Decoder::new(Profile::Fd, Vehicle::default());
+    let (clock, stop) = (BenchClock::default(), AtomicBool::new(false));
+    let first = first_mission(0, &mut end, decoder, &clock, &stop).expect("it came");
+    assert_eq!((first.truck_index, first.platoon_size), (0, 4));
+    stop.store(true, Ordering::Relaxed);
+    assert_eq!(first_mission(0, &mut end, decoder, &clock, &stop), None);
+}

@@ -7,6 +7,7 @@
 //! - [`convex`]: a better way, without linearised complementarity.
 //! - [`wirtinger`]: a sharper inequality than the paper's, for delays of any rate.
 //! - [`fleet`]: trucks that differ, any number of them.
+//! - [`tradeoff`]: many designs, and the choice among them by what is wanted.
 //! - [`analysis`]: proofs for a gain that is given; [`prove`] writes them into a file.
 //!
 //! It never runs in an ECU and is never linked into the loop: what it finds is written into a file
@@ -20,6 +21,7 @@ pub mod lmi;
 pub mod plant;
 pub mod prove;
 pub mod theorem1;
+pub mod tradeoff;
 pub mod wirtinger;
 
 use certificate::Gain;

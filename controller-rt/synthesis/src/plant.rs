@@ -2,14 +2,15 @@
 //!
 //! ```text
 //! x_i' = A_i x_i + B_u u_i + B_w w_i,   A_i = [0 1 0; 0 0 1; 0 0 -1/tau_i]
-//! B_u = [0 0 -1/tau_i]^T,   B_w = [0 0; 0 0; 1/tau_i 1],   w_i = [a_0, a_0']    [MCF, Eqs. 3, 6]
+//! B_u = [0 0 -g_i/tau_i]^T,   B_w = [0 0; 0 0; 1/tau_i 1],   w_i = [a_0, a_0']    [MCF, Eqs. 3, 6]
 //! u_i = K1 x_i(t - lambda) + K2 x_(i-1)(t - lambda)                            [MCF, Eq. 4]
 //! ```
 //!
 //! The errors are those of Eq. 2, positive when the truck is behind its slot, so a positive command
-//! makes them smaller.
+//! makes them smaller. The gain g_i of the drive, 1 in the paper, is there because the motion layer
+//! below may make more or less of a command than it says.
 
-use certificate::Gain;
+use certificate::{Corner, Gain};
 use nalgebra::DMatrix;
 
 /// States of one vehicle: position, speed and acceleration error.
@@ -28,23 +29,30 @@ pub enum Disturbance {
 /// The open platoon.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Platoon {
-    /// Lag tau_i of each follower \[s\].
-    pub lags_s: Vec<f64>,
+    /// Lag tau_i and gain g_i of each follower.
+    pub plants: Vec<Corner>,
     /// Who disturbs it.
     pub disturbance: Disturbance,
+    /// What a command costs a design beside the position errors \[s²\]: z = \[s, weight u\]. A
+    /// proof of a gain that is given does not look at it.
+    pub command_weight: f64,
 }
 
 impl Platoon {
     /// Followers that are all alike.
     #[must_use]
-    pub fn alike(followers: usize, lag_s: f64) -> Self {
-        Self { lags_s: vec![lag_s; followers], disturbance: Disturbance::Independent }
+    pub fn alike(followers: usize, plant: Corner) -> Self {
+        Self {
+            plants: vec![plant; followers],
+            disturbance: Disturbance::Independent,
+            command_weight: 0.0,
+        }
     }
 
     /// How many follow.
     #[must_use]
     pub fn followers(&self) -> usize {
-        self.lags_s.len()
+        self.plants.len()
     }
 
     /// A of Eq. 6.
@@ -52,11 +60,11 @@ impl Platoon {
     pub fn a(&self) -> DMatrix<f64> {
         let n = STATES * self.followers();
         let mut a = DMatrix::zeros(n, n);
-        for (i, lag_s) in self.lags_s.iter().enumerate() {
+        for (i, plant) in self.plants.iter().enumerate() {
             let at = STATES * i;
             a[(at, at + 1)] = 1.0;
             a[(at + 1, at + 2)] = 1.0;
-            a[(at + 2, at + 2)] = -1.0 / lag_s;
+            a[(at + 2, at + 2)] = -1.0 / plant.lag_s;
         }
         a
     }
@@ -66,8 +74,8 @@ impl Platoon {
     pub fn b_u(&self) -> DMatrix<f64> {
         let n = self.followers();
         let mut b = DMatrix::zeros(STATES * n, n);
-        for (i, lag_s) in self.lags_s.iter().enumerate() {
-            b[(STATES * i + 2, i)] = -1.0 / lag_s;
+        for (i, plant) in self.plants.iter().enumerate() {
+            b[(STATES * i + 2, i)] = -plant.gain / plant.lag_s;
         }
         b
     }
@@ -78,9 +86,9 @@ impl Platoon {
         let n = self.followers();
         let is_common = self.disturbance == Disturbance::Common;
         let mut b = DMatrix::zeros(STATES * n, if is_common { 2 } else { 2 * n });
-        for (i, lag_s) in self.lags_s.iter().enumerate() {
+        for (i, plant) in self.plants.iter().enumerate() {
             let column = if is_common { 0 } else { 2 * i };
-            b[(STATES * i + 2, column)] = 1.0 / lag_s;
+            b[(STATES * i + 2, column)] = 1.0 / plant.lag_s;
             b[(STATES * i + 2, column + 1)] = 1.0;
         }
         b

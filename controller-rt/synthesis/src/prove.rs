@@ -1,8 +1,8 @@
 //! From a gain to a file with all its proofs.
 
 use certificate::{
-    CouplingProofs, DelayBound, Gain, GainFile, Lags, PlatoonProof, VERSION, VehicleProofs,
-    Wirtinger,
+    Corner, CouplingProofs, DelayBound, Gain, GainFile, Plants, PlatoonProof, VERSION,
+    VehicleProofs, Wirtinger,
 };
 use nalgebra::DMatrix;
 
@@ -19,8 +19,8 @@ pub struct Claim {
     pub about: String,
     /// The gain.
     pub gain: Gain,
-    /// The lags it is for.
-    pub lags: Lags,
+    /// The plants it is for.
+    pub plants: Plants,
     /// The delays it is for.
     pub delay: DelayBound,
     /// Platoons to prove at once go up to so many followers.
@@ -34,15 +34,15 @@ pub struct Claim {
 /// When there is neither.
 pub fn prove(claim: &Claim, progress: &mut dyn FnMut(&str)) -> Result<GainFile, Unsolved> {
     progress("one truck");
-    let vehicle = vehicle(&claim.gain, &claim.lags, claim.delay.longest_s);
+    let vehicle = vehicle(&claim.gain, &claim.plants, claim.delay.longest_s);
     let mut platoon = Vec::new();
     for followers in 1..=claim.followers {
         progress(&format!("{followers} followers"));
-        let corner = |lag_s| {
-            let open = Platoon::alike(followers, lag_s);
+        let corner = |plant| {
+            let open = Platoon::alike(followers, plant);
             open.closed(&open.k(&claim.gain))
         };
-        let loops: Vec<Loop> = claim.lags.ends().into_iter().map(corner).collect();
+        let loops: Vec<Loop> = claim.plants.corners().into_iter().map(corner).collect();
         match analysis::jensen(&loops, claim.delay) {
             Ok(proof) => platoon.push(PlatoonProof { followers, proof }),
             // More followers are never easier to prove.
@@ -59,7 +59,7 @@ pub fn prove(claim: &Claim, progress: &mut dyn FnMut(&str)) -> Result<GainFile, 
         name: claim.name.clone(),
         about: claim.about.clone(),
         gain: claim.gain,
-        plant: claim.lags,
+        plant: claim.plants,
         delay: claim.delay,
         vehicle: vehicle.ok(),
         platoon,
@@ -70,10 +70,10 @@ pub fn prove(claim: &Claim, progress: &mut dyn FnMut(&str)) -> Result<GainFile, 
 ///
 /// # Errors
 /// When one of them does not exist.
-pub fn vehicle(gain: &Gain, lags: &Lags, longest_s: f64) -> Result<VehicleProofs, Unsolved> {
+pub fn vehicle(gain: &Gain, plants: &Plants, longest_s: f64) -> Result<VehicleProofs, Unsolved> {
     let channel = |is_from_forwarded, is_to_forwarded| -> Result<Wirtinger, Unsolved> {
-        let corner = |lag_s| vehicle_loop(gain, lag_s, is_from_forwarded, is_to_forwarded);
-        let loops: Vec<Loop> = lags.ends().into_iter().map(corner).collect();
+        let corner = |plant| vehicle_loop(gain, plant, is_from_forwarded, is_to_forwarded);
+        let loops: Vec<Loop> = plants.corners().into_iter().map(corner).collect();
         analysis::wirtinger(&loops, longest_s)
     };
     let disturbance_to_error = channel(false, false)?;
@@ -89,8 +89,13 @@ pub fn vehicle(gain: &Gain, lags: &Lags, longest_s: f64) -> Result<VehicleProofs
 
 /// One truck's loop, from its disturbance or from the signal v that enters beside its command, to
 /// its position error or to K2 x.
-fn vehicle_loop(gain: &Gain, lag_s: f64, is_from_forwarded: bool, is_to_forwarded: bool) -> Loop {
-    let open = Platoon::alike(1, lag_s);
+fn vehicle_loop(
+    gain: &Gain,
+    plant: Corner,
+    is_from_forwarded: bool,
+    is_to_forwarded: bool,
+) -> Loop {
+    let open = Platoon::alike(1, plant);
     let mut closed = open.closed(&open.k(gain));
     if is_from_forwarded {
         closed.input = open.b_u();

@@ -14,6 +14,9 @@
 //! It is sufficient, not necessary as the paper says: Jensen's inequality loses something. Below
 //! the rate bound mu, Q helps; with Q = 0 the delay may change at any rate, jump included, and that
 //! is how messages that are held until the next one comes behave.
+//!
+//! Ours: with a weight r of the command, z = [s, r u] has a sixth row and column, r Y' in its second
+//! place and -I in its last, and gains that command less come out.
 
 use certificate::{DelayBound, Rate};
 use nalgebra::DMatrix;
@@ -83,7 +86,8 @@ impl Unknowns {
             second = &second - q;
         }
         let unit = |n| DMatrix::identity(n, n);
-        Blocks::new(&[n, n, inputs, n, outputs])
+        let commands = if platoon.command_weight > 0.0 { platoon.followers() } else { 0 };
+        let blocks = Blocks::new(&[n, n, inputs, n, outputs, commands])
             .with(0, 0, first)
             .with(0, 1, &b_y + &held)
             .with(0, 2, Affine::constant(b_w.clone()))
@@ -94,7 +98,12 @@ impl Unknowns {
             .with(2, 2, -&gamma2.times(&unit(inputs)))
             .with(2, 3, Affine::constant(b_w.transpose()))
             .with(3, 3, s * -per_delay)
-            .with(4, 4, Affine::constant(-unit(outputs)))
+            .with(4, 4, Affine::constant(-unit(outputs)));
+        if commands == 0 {
+            return blocks;
+        }
+        let command = &self.y.transpose() * platoon.command_weight;
+        blocks.with(1, 5, command).with(5, 5, Affine::constant(-unit(commands)))
     }
 
     /// K = Y P⁻¹.
