@@ -1,4 +1,4 @@
-//! `platoon gain fleet`: trucks that differ, a gain and a proof for each, or one gain proven for all.
+//! `platoon gain fleet`: trucks that differ, a gain and a proof for each, or one gain for all.
 
 use std::fs;
 use std::path::{Path, PathBuf};

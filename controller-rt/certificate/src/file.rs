@@ -142,8 +142,8 @@ impl GainFile {
         .find_map(|(is_sound, key, allowed)| (!is_sound).then_some((key, allowed)))
     }
 
-    /// How many trucks, leader included, a platoon may have for a gamma of this file to hold; `None`
-    /// when any number may: one truck is proven with what it forwards, or forwards nothing.
+    /// How many trucks, leader included, a platoon may have for a gamma of this file to hold;
+    /// `None` when any number may: one truck is proven with what it forwards, or forwards nothing.
     #[must_use]
     pub fn trucks_max(&self) -> Option<usize> {
         let is_any = self.vehicle.is_some() || !self.gain.is_coupled();

@@ -1,8 +1,9 @@
 //! What designs and proofs cost: `cargo bench -p synthesis`.
 //!
 //! Seconds that one core worked; no threads, and other programs count little. Every line is the
-//! least of a few repetitions, and says what is asked of it. The last lines design a gain for each of many trucks that differ, and prove and check it:
-//! ten times as many are to take ten times as long, not more.
+//! least of a few repetitions, and says what is asked of it. The last lines design a gain for each
+//! of many trucks that differ, and prove and check it: ten times as many are to take ten times as
+//! long, not more.
 
 use certificate::{Conditions, Corner, DelayBound, Gain, Rate, library, proofs};
 use rustix::time::{ClockId, clock_gettime};

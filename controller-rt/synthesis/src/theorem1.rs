@@ -15,8 +15,8 @@
 //! the rate bound mu, Q helps; with Q = 0 the delay may change at any rate, jump included, and that
 //! is how messages that are held until the next one comes behave.
 //!
-//! Ours: with a weight r of the command, z = [s, r u] has a sixth row and column, r Y' in its second
-//! place and -I in its last, and gains that command less come out.
+//! Ours: with a weight r of the command, z = [s, r u] has a sixth row and column, r Y' in its
+//! second place and -I in its last, and gains that command less come out.
 
 use certificate::{DelayBound, Rate};
 use nalgebra::DMatrix;
