@@ -187,3 +187,33 @@ pub fn choose(
     };
     kept.iter().min_by(|a, b| cost(a).total_cmp(&cost(b))).map(|one| **one)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate([gamma, margin_s, command_mps2]: [f64; 3]) -> Candidate {
+        let gain = Gain::default();
+        Candidate { gain, gamma, margin_s, any_rate_s: 0.3, error_m: 0.5, command_mps2 }
+    }
+
+    #[test]
+    fn the_choice_follows_the_objective_within_the_limits() {
+        let sharp = candidate([0.4, 0.3, 4.0]);
+        let patient = candidate([0.8, 0.6, 3.0]);
+        let gentle = candidate([0.9, 0.5, 2.5]);
+        let even = candidate([0.5, 0.5, 3.0]);
+        let beaten = candidate([0.9, 0.4, 4.0]);
+        let all = [beaten, gentle, patient, even, sharp];
+        assert_eq!(front(&all), [sharp, even, patient, gentle]);
+        let choose = |objective| choose(&all, objective, &Limits::NONE);
+        assert_eq!(choose(Objective::Gamma), Some(sharp));
+        assert_eq!(choose(Objective::Margin), Some(patient));
+        assert_eq!(choose(Objective::Command), Some(gentle));
+        assert_eq!(choose(Objective::Balanced), Some(even));
+        let limits = Limits { command_max_mps2: 3.5, ..Limits::NONE };
+        assert_eq!(super::choose(&all, Objective::Gamma, &limits), Some(even));
+        let none = Limits { gamma_max: 0.1, ..Limits::NONE };
+        assert_eq!(super::choose(&all, Objective::Gamma, &none), None);
+    }
+}
