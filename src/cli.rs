@@ -3,6 +3,7 @@
 mod compare_options;
 mod law_options;
 mod report_options;
+mod trace_options;
 mod values;
 
 use std::net::SocketAddr;
@@ -21,6 +22,9 @@ use crate::vcan::VcanArgs;
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind};
 pub use report_options::ReportArgs;
+pub use trace_options::{
+    DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs, Side,
+};
 pub use values::{EcuChoice, V2vDelay};
 
 use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
@@ -68,6 +72,18 @@ pub enum Verb {
     Compare(CompareArgs),
     /// Make one page of a run, or of two over each other, that opens without a network.
     Report(ReportArgs),
+    /// Recompute every command of a recorded run and compare bit for bit.
+    Replay(ReplayArgs),
+    /// Say where two recorded runs part, why, and when it shows.
+    Diff(DiffArgs),
+    /// Put the frames of a recorded run back on a bus, with their timing.
+    Play(PlayArgs),
+    /// Write a recorded run in the formats of other tools.
+    Export(ExportArgs),
+    /// Read a log of another tool.
+    Import(ImportArgs),
+    /// Cut a moment out of a recorded run, as a small trace that is a regression test.
+    Extract(ExtractArgs),
     /// Make this machine ready: virtual CAN interfaces, or a kernel that has CAN.
     Vcan(VcanArgs),
 }

@@ -17,20 +17,25 @@ mod cli;
 mod clock;
 mod compare;
 mod controller;
+mod diff;
+mod export;
+mod extract;
 mod failure;
 mod fault;
 mod gain;
 mod gateway;
 mod identify;
+mod import;
+mod play;
 mod process;
 mod progress;
 pub mod rehearse;
+mod replay;
 mod report;
 mod run_folder;
 mod scenarios;
 pub mod summary;
 mod timing;
-#[allow(dead_code, unused_imports, reason = "replay, diff, export and report are built on it")]
 mod trace;
 mod vcan;
 
@@ -58,6 +63,12 @@ pub fn main() -> ExitCode {
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
         Verb::Report(args) => report::run(&args).map(|()| Verdict::Pass),
+        Verb::Replay(args) => replay::run(&args),
+        Verb::Diff(args) => diff::run(&args),
+        Verb::Play(args) => play::run(&args).map(|()| Verdict::Pass),
+        Verb::Export(args) => export::run(&args).map(|()| Verdict::Pass),
+        Verb::Import(args) => import::run(&args).map(|()| Verdict::Pass),
+        Verb::Extract(args) => extract::run(&args).map(|()| Verdict::Pass),
     })
 }
 

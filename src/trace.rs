@@ -2,11 +2,11 @@
 //!
 //! [`Trace::open`] takes a `run.mcap`, the folder it is in, or the part that one process recorded.
 //! [`Trace::events`] streams what recorders wrote; [`History`] puts an ECU's stream in the order in
-//! which it happened, tick by tick; [`Series`] collects signals decoded from frames. What a damaged
-//! file lost is said by [`Events::damage`], once the events are exhausted.
+//! which it happened, tick by tick; [`differences`] holds two ticks together. What a damaged file
+//! lost is said by [`Events::damage`], once the events are exhausted.
 
 mod history;
-mod series;
+mod quantity;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -22,10 +22,12 @@ use crate::cli::SolverKind;
 use crate::failure::Failure;
 
 pub use history::{Gap, History, Moment, TickInputs};
-pub use series::{Series, SignalName};
+pub use quantity::{Difference, differences};
 
 /// Metadata record of a merged run that says how it was run.
 const RUN: &str = "platoon.run";
+/// Metadata record of a trace that was cut out of another one.
+pub const EXTRACT: &str = "platoon.extract";
 
 /// A trace on disk: what it says about itself. Its events are read anew by each pass.
 #[derive(Debug, Clone)]
@@ -108,6 +110,22 @@ impl Trace {
         std::str::from_utf8(&file.data).ok()
     }
 
+    /// How many buses it has, as far as it says; else as many as a world can have trucks.
+    pub fn buses(&self) -> usize {
+        let noted = self
+            .metadata
+            .get("platoon.bus")
+            .map(|bus| bus.keys().filter(|key| key.starts_with("truck")).count());
+        noted.filter(|buses| *buses > 0).unwrap_or(traces::TRUCKS_MAX)
+    }
+
+    /// What the interface of a truck's bus was called; `truck<i>` when it does not say.
+    pub fn interface(&self, bus: u8) -> String {
+        let key = format!("truck{bus}");
+        let name = self.fact("platoon.bus", &key).unwrap_or(&key);
+        name.replace(char::is_whitespace, "_")
+    }
+
     /// How its buses carried messages, by the DBC attached; CAN FD when there is none.
     pub fn profile(&self) -> Profile {
         match self.attached_text("j1939.dbc") {
@@ -123,32 +141,35 @@ impl Trace {
             .unwrap_or(SolverKind::ActiveSet)
     }
 
-    /// The scenario it is a run of, with changes.
+    /// The scenario it is a run of, with the law's numbers as they were after every option of the
+    /// run, and then with changes.
     ///
     /// # Errors
     /// When none is attached, it makes no sense, or a change does not fit.
     pub fn scenario(&self, sets: &[(String, String)]) -> Result<Scenario, Failure> {
-        let text = self.required("scenario.toml")?;
+        let mut table = self.table("scenario.toml")?;
+        table.insert("law".to_owned(), toml::Value::Table(self.table("law.toml")?));
         let source = format!("{}: scenario.toml", self.path.display());
-        Scenario::from_text(&source, text, sets).map_err(Failure::usage)
+        Scenario::from_text(&source, &table.to_string(), sets).map_err(Failure::usage)
     }
 
-    /// The law's calibration that all trucks had in common, every option of the run applied.
+    /// The law's calibration that all trucks of a scenario of this trace have in common.
     ///
     /// # Errors
-    /// When none is attached or it makes no sense.
-    pub fn calibration(&self) -> Result<Calibration, Failure> {
-        calibration::from_table(&self.path.display().to_string(), &self.law_table()?)
+    /// When it makes no sense.
+    pub fn calibration(&self, scenario: &Scenario) -> Result<Calibration, Failure> {
+        calibration::from_table(&self.path.display().to_string(), &scenario.law)
     }
 
-    /// The same as it is written in the file.
-    ///
-    /// # Errors
-    /// When none is attached or it is not TOML.
-    pub fn law_table(&self) -> Result<toml::Table, Failure> {
-        self.required("law.toml")?.parse().map_err(|error: toml::de::Error| {
+    /// Whether the guards' emergency layer was off.
+    pub fn was_without_emergency_braking(&self) -> bool {
+        self.run_fact("arguments").is_some_and(|words| words.contains("--no-emergency-braking"))
+    }
+
+    fn table(&self, name: &str) -> Result<toml::Table, Failure> {
+        self.required(name)?.parse().map_err(|error: toml::de::Error| {
             let reason = error.message().replace('\n', " ");
-            Failure::usage(format!("{}: law.toml: {reason}", self.path.display()))
+            Failure::usage(format!("{}: {name}: {reason}", self.path.display()))
         })
     }
 
@@ -176,6 +197,23 @@ impl Trace {
             .with_times(times);
         Ok(Events { reader, undecodable: 0 })
     }
+}
+
+/// A span of bench time \[ns\] from two of its ends \[s\]; `until` is what the second is called.
+///
+/// # Errors
+/// When it is empty.
+pub fn seconds(
+    from_s: Option<f64>,
+    until_s: Option<f64>,
+    until: &str,
+) -> Result<Range<u64>, Failure> {
+    let ns = |time_s: f64| (time_s * 1e9).round() as u64;
+    let times = from_s.map_or(0, ns)..until_s.map_or(u64::MAX, ns);
+    if times.is_empty() {
+        return Err(Failure::usage(format!("--from must be before {until}")));
+    }
+    Ok(times)
 }
 
 fn reader(path: &Path) -> Result<Reader, Failure> {

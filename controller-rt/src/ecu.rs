@@ -10,7 +10,7 @@ use law::{Decision, Observation, Outcome};
 use platoon_dbc::{
     ActuationStatus, Bus, Clock, Decoder, EcuMode, Encoder, Mission, Profile, RunState, Vehicle,
 };
-use traces::Recorder;
+use traces::{Recorder, TickRecord};
 
 use crate::controller::Controller;
 use crate::guard::{Admitted, Guard, Plan, Proposal};
@@ -195,6 +195,12 @@ impl Ecu {
         self.picture.period_ns()
     }
 
+    /// What the newest tick records, recorder or not; `None` before the first.
+    #[must_use]
+    pub const fn newest_tick(&self) -> Option<&TickRecord> {
+        self.recording.newest_tick()
+    }
+
     /// Continues from a recorded snapshot; false when it is damaged or another truck's.
     ///
     /// The snapshot is that of [`join_snapshot`](crate::join_snapshot).
@@ -210,6 +216,18 @@ impl Ecu {
         self.inbox.restore(saved.decoder);
         self.mode = EcuMode::Running;
         true
+    }
+
+    /// Everything later commands depend on, for [`restore`](Self::restore); empty when something
+    /// has no room.
+    pub fn save(&mut self) -> &[u8] {
+        self.snapshot.write(
+            &self.guard,
+            self.outbox.state(),
+            self.inbox.decoder(),
+            &self.picture,
+            &*self.controller,
+        )
     }
 
     /// Says goodbye on the bus, closes the recording and reports.

@@ -29,13 +29,21 @@ pub struct Recording {
     next_snapshot_ns: u64,
     dropped: u64,
     owes_snapshot: bool,
+    newest_tick: Option<TickRecord>,
 }
 
 impl Recording {
     /// Records truck `truck`'s ECU, if there is a recorder.
     #[must_use]
     pub fn new(recorder: Option<Recorder>, truck: u8) -> Self {
-        Self { recorder, truck, next_snapshot_ns: 0, dropped: 0, owes_snapshot: false }
+        Self {
+            recorder,
+            truck,
+            next_snapshot_ns: 0,
+            dropped: 0,
+            owes_snapshot: false,
+            newest_tick: None,
+        }
     }
 
     /// Records a frame that was taken from the bus for tick `tick`.
@@ -54,9 +62,16 @@ impl Recording {
 
     /// Records a tick.
     pub fn tick(&mut self, facts: &TickFacts) {
+        let record = facts.record(self.truck);
         if let Some(recorder) = &mut self.recorder {
-            recorder.push(facts.record(self.truck));
+            recorder.push(record);
         }
+        self.newest_tick = Some(record);
+    }
+
+    /// What was last recorded, or would have been if there were a recorder.
+    pub const fn newest_tick(&self) -> Option<&TickRecord> {
+        self.newest_tick.as_ref()
     }
 
     /// Whether a snapshot is due after the tick at `time_ns`.
@@ -78,13 +93,8 @@ impl Recording {
         let Some(recorder) = &mut self.recorder else {
             return;
         };
-        let parts = bytes.len().div_ceil(PART_BYTES);
         let mut kept = true;
-        for (number, payload) in bytes.chunks(PART_BYTES).enumerate() {
-            let mut part = [0; SNAPSHOT_BYTES_MAX];
-            part[..PART_HEADER].copy_from_slice(&[number as u8, parts as u8]);
-            part[PART_HEADER..PART_HEADER + payload.len()].copy_from_slice(payload);
-            let snapshot = Snapshot::new(&part[..PART_HEADER + payload.len()]).unwrap_or_default();
+        for snapshot in split_snapshot(bytes) {
             kept &=
                 recorder.push(MemoryRecord { time_ns: slot.time_ns, tick: slot.number, snapshot });
         }
@@ -100,6 +110,22 @@ impl Recording {
             (finished.dropped.total() + finished.lost, finished.error)
         })
     }
+}
+
+/// Splits a snapshot into the parts that are recorded.
+fn split_snapshot(bytes: &[u8]) -> impl Iterator<Item = Snapshot> {
+    let parts = bytes.len().div_ceil(PART_BYTES);
+    bytes.chunks(PART_BYTES).enumerate().map(move |(number, payload)| {
+        let mut part = [0; SNAPSHOT_BYTES_MAX];
+        part[..PART_HEADER].copy_from_slice(&[number as u8, parts as u8]);
+        part[PART_HEADER..PART_HEADER + payload.len()].copy_from_slice(payload);
+        Snapshot::new(&part[..PART_HEADER + payload.len()]).unwrap_or_default()
+    })
+}
+
+/// The records of a snapshot taken after tick `tick`, for [`join_snapshot`].
+pub fn snapshot_records(bytes: &[u8], tick: u32, time_ns: u64) -> Vec<MemoryRecord> {
+    split_snapshot(bytes).map(|snapshot| MemoryRecord { time_ns, tick, snapshot }).collect()
 }
 
 /// Joins the parts of a recorded snapshot, in the order of recording; `None` when some are missing.

@@ -28,6 +28,13 @@ impl V2vDelay {
     }
 }
 
+/// A time that is not negative \[s\].
+pub(super) fn parse_seconds(text: &str) -> Result<f64, String> {
+    let allowed = "give seconds of bench time, 0 or more".to_owned();
+    let time_s: f64 = text.parse().map_err(|_| allowed.clone())?;
+    if time_s.is_finite() && time_s >= 0.0 { Ok(time_s) } else { Err(allowed) }
+}
+
 pub(super) fn parse_ecu(text: &str) -> Result<EcuChoice, String> {
     match text {
         "all" => Ok(EcuChoice::All),

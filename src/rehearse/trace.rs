@@ -12,6 +12,10 @@ use crate::bus::BusChoice;
 use crate::cli::Word;
 use crate::run_folder::RunFolder;
 
+/// Least bench time between two decoded messages of one kind on one bus \[ns\]: enough to plot, and
+/// every frame is there to be decoded at full rate.
+const DECODED_PERIOD_NS: u64 = 10_000_000;
+
 /// Merges what there is into `run.mcap` and removes the parts; what a killed process lost comes
 /// back as notes.
 ///
@@ -28,7 +32,8 @@ pub(super) fn merge(
         .map(|source| folder.part(&source.to_string()))
         .filter(|path| path.exists())
         .collect();
-    let report = traces::merge(&parts, &folder.trace(), &options(plan, bus, outcome))
+    let options = options(plan, bus, outcome);
+    let report = traces::merge_thinned(&parts, &folder.trace(), &options, DECODED_PERIOD_NS)
         .map_err(|error| format!("no trace: {error}"))?;
     for part in &parts {
         // A part that cannot be removed only takes room.
@@ -44,6 +49,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         ("seed".to_owned(), plan.args.run.seed.to_string()),
         ("rate_hz".to_owned(), plan.rate_hz.to_string()),
         ("solver".to_owned(), plan.args.law_options.solver.word()),
+        ("profile".to_owned(), plan.args.run.profile.to_string()),
         ("bus_timing".to_owned(), plan.args.run.bus_timing.word()),
         ("time".to_owned(), if plan.is_virtual() { "virtual" } else { "real" }.to_owned()),
         ("arguments".to_owned(), std::env::args().skip(1).collect::<Vec<_>>().join(" ")),

@@ -57,7 +57,7 @@ pub struct History {
 
 impl History {
     /// Takes an event; hands on what is complete by it.
-    pub fn push(&mut self, event: Event, out: &mut impl FnMut(Moment)) {
+    pub fn push(&mut self, event: Event, out: &mut dyn FnMut(Moment)) {
         // A gap marker repeats what the numbers say, under a number that is not its own.
         if !matches!(event.record, Record::Dropped(_)) {
             self.held_back.insert(event.sequence, event.record);
@@ -66,14 +66,14 @@ impl History {
     }
 
     /// Hands on what was held back. Frames behind the last tick belong to no tick.
-    pub fn finish(mut self, out: &mut impl FnMut(Moment)) {
+    pub fn finish(mut self, out: &mut dyn FnMut(Moment)) {
         while let Some((sequence, record)) = self.held_back.pop_first() {
             self.take(sequence, record, out);
         }
         self.take_snapshot(out);
     }
 
-    fn release(&mut self, out: &mut impl FnMut(Moment)) {
+    fn release(&mut self, out: &mut dyn FnMut(Moment)) {
         while let Some(first) = self.held_back.first_entry() {
             let is_next = self.expected.unwrap_or(0) == *first.key();
             if !is_next && self.held_back.len() <= HELD_BACK_MAX {
@@ -85,7 +85,7 @@ impl History {
         }
     }
 
-    fn take(&mut self, sequence: u32, record: Record, out: &mut impl FnMut(Moment)) {
+    fn take(&mut self, sequence: u32, record: Record, out: &mut dyn FnMut(Moment)) {
         let missing = sequence.wrapping_sub(self.expected.unwrap_or(0));
         self.expected = Some(sequence.wrapping_add(1));
         if !matches!(record, Record::Memory(_)) || missing > 0 {
@@ -113,7 +113,7 @@ impl History {
     }
 
     /// Hands on the snapshot whose parts have all come.
-    fn take_snapshot(&mut self, out: &mut impl FnMut(Moment)) {
+    fn take_snapshot(&mut self, out: &mut dyn FnMut(Moment)) {
         let parts = std::mem::take(&mut self.snapshot);
         if let (Some(first), Some(bytes)) = (parts.first(), join_snapshot(&parts)) {
             out(Moment::Snapshot { tick: first.tick, bytes });

@@ -1,0 +1,147 @@
+//! Whether what an ECU consumed was on its bus: two recordings, made by two processes.
+
+use std::collections::VecDeque;
+
+use platoon_dbc::{Frame, message_info};
+use serde::Serialize;
+use traces::FrameRecord;
+
+/// Furthest the two recordings of a frame are apart in bench time \[ns\]: a machine can pause.
+pub const APART_MAX_NS: u64 = 3_000_000_000;
+/// The ECU's node in the DBC.
+const ECU: &str = "Ecu";
+
+/// Frames that were consumed without ever having been on the bus.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Strays {
+    /// How many.
+    pub frames: u64,
+    /// Tick that consumed the first.
+    pub first_tick: u32,
+    /// The first: identifier and data, in hexadecimal.
+    pub first: String,
+}
+
+/// Matches the frames an ECU consumed with those on its bus.
+#[derive(Debug, Default)]
+pub struct Wire {
+    /// Frames on the bus that were not consumed yet, with their bench time \[ns\].
+    carried: VecDeque<(u64, Frame)>,
+    /// Frames consumed that are still looked for.
+    consumed: VecDeque<FrameRecord>,
+    /// The bus before this is not known \[ns\].
+    known_from_ns: Option<u64>,
+    newest_ns: u64,
+    is_midway: bool,
+    strays: Option<Strays>,
+}
+
+impl Wire {
+    /// Nothing seen yet; `is_midway` when the recordings begin behind the start of the run.
+    pub fn new(is_midway: bool) -> Self {
+        Self { is_midway, ..Self::default() }
+    }
+
+    /// A frame that the rig recorded on the bus.
+    pub fn carried(&mut self, record: &FrameRecord) {
+        self.known_from_ns.get_or_insert(record.time_ns);
+        self.newest_ns = self.newest_ns.max(record.time_ns);
+        let is_of_ecu = || message_info(record.frame.id()).is_some_and(|info| info.sender == ECU);
+        if record.tx || !is_of_ecu() {
+            self.carried.push_back((record.time_ns, record.frame));
+        }
+        self.settle(self.newest_ns.saturating_sub(APART_MAX_NS));
+    }
+
+    /// A frame that the ECU recorded as consumed.
+    pub fn consumed(&mut self, record: &FrameRecord) {
+        self.consumed.push_back(*record);
+    }
+
+    /// The frames consumed that were not on the bus, once all has been seen; `None` when there are
+    /// none, or nobody recorded the bus.
+    pub fn strays(mut self) -> Option<Strays> {
+        self.settle(u64::MAX);
+        self.strays.filter(|_| self.known_from_ns.is_some())
+    }
+
+    /// Decides on the frames consumed up to a bench time \[ns\].
+    fn settle(&mut self, until_ns: u64) {
+        while self.consumed.front().is_some_and(|record| record.time_ns <= until_ns) {
+            let Some(record) = self.consumed.pop_front() else { return };
+            let oldest_ns = record.time_ns.saturating_sub(APART_MAX_NS);
+            while self.carried.front().is_some_and(|(time_ns, _)| *time_ns < oldest_ns) {
+                self.carried.pop_front();
+            }
+            let place = self.carried.iter().position(|(_, frame)| *frame == record.frame);
+            match place {
+                Some(place) => drop(self.carried.remove(place)),
+                None => self.note_stray(&record),
+            }
+        }
+    }
+
+    fn note_stray(&mut self, record: &FrameRecord) {
+        let known_from_ns = self.known_from_ns.unwrap_or(u64::MAX);
+        if self.is_midway && record.time_ns < known_from_ns.saturating_add(APART_MAX_NS) {
+            return;
+        }
+        // Invitations before the start are recorded by buses that echo only.
+        if record.time_ns == 0 {
+            return;
+        }
+        let fresh = || Strays {
+            frames: 0,
+            first_tick: record.tick,
+            first: format!("{:X}#{}", record.frame.id(), hexadecimal(record.frame.data())),
+        };
+        self.strays.get_or_insert_with(fresh).frames += 1;
+    }
+}
+
+fn hexadecimal(data: &[u8]) -> String {
+    data.iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use platoon_dbc::FrameFlags;
+
+    use super::*;
+
+    fn record(time_ms: u64, byte: u8) -> FrameRecord {
+        let frame = Frame::new(0x123, FrameFlags::default(), &[byte]).expect("a frame");
+        let tick = time_ms as u32;
+        FrameRecord { bus: 0, time_ns: time_ms * 1_000_000, stamp_ns: 0, tick, tx: true, frame }
+    }
+
+    #[test]
+    fn frames_are_matched_in_whatever_order_the_two_saw_them() {
+        let mut wire = Wire::new(false);
+        wire.consumed(&record(1, 1));
+        for byte in [0, 2, 1] {
+            wire.carried(&record(2, byte));
+        }
+        wire.consumed(&record(2, 2));
+        assert_eq!(wire.strays(), None);
+    }
+
+    #[test]
+    fn a_changed_frame_is_found_at_its_tick() {
+        let mut wire = Wire::new(false);
+        for time_ms in 1..10_000 {
+            wire.carried(&record(time_ms, time_ms as u8));
+            let flipped = if time_ms == 777 { 0x80 } else { 0 };
+            wire.consumed(&record(time_ms, time_ms as u8 ^ flipped));
+        }
+        let strays = wire.strays().expect("one was changed");
+        assert_eq!((strays.frames, strays.first_tick), (1, 777));
+    }
+
+    #[test]
+    fn nothing_is_said_where_nobody_recorded_the_bus() {
+        let mut wire = Wire::new(false);
+        wire.consumed(&record(1, 1));
+        assert_eq!(wire.strays(), None);
+    }
+}
