@@ -56,7 +56,7 @@ pub(crate) fn place(name: &str) -> PathBuf {
 }
 
 /// Starts `platoon` in an empty place of its own.
-fn start(name: &str, arguments: &[&str]) -> Ongoing {
+pub(crate) fn start(name: &str, arguments: &[&str]) -> Ongoing {
     let place = place(name);
     if place.exists() {
         fs::remove_dir_all(&place).expect("what an earlier run left can be removed");
@@ -96,6 +96,11 @@ impl Ongoing {
     /// The folder of the run.
     pub(crate) fn out(&self) -> PathBuf {
         self.place.join("run")
+    }
+
+    /// What it has said on standard error until now.
+    pub(crate) fn said(&self) -> String {
+        fs::read_to_string(self.place.join(STDERR)).unwrap_or_default()
     }
 
     /// The process of the supervisor.

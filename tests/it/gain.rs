@@ -1,6 +1,11 @@
 //! `platoon gain`, and what an ECU makes of a gain.
 
+use std::time::Duration;
+
 use crate::bench;
+
+/// How long the rig may take to invite its ECUs before it counts as hung.
+const LIMIT: Duration = Duration::from_secs(60);
 
 #[test]
 fn a_gain_is_certified_where_it_holds_and_refused_where_it_does_not() {
@@ -71,6 +76,24 @@ fn platooning_passes_with_a_gain_that_is_looked_up() {
     let run = bench::rehearse_virtually("gain-looked-up", &words);
     run.expect_code(0);
     assert!(run.stdout.contains("gain loop is for"), "{}", run.stdout);
+}
+
+#[test]
+fn an_ecu_alone_looks_its_gain_up_when_its_mission_comes() {
+    let hosted = ["--host", "2", "--host", "3"];
+    let short = ["bench", "platooning", "--bus", "udp", "--rate-hz", "50", "--duration-s", "1"];
+    let rig = bench::start("gain-rig", &[&short[..], &hosted].concat());
+    let port = bench::eventually("the rig's invitation", LIMIT, || {
+        let said = rig.said();
+        let invitation = said.lines().find(|line| line.contains("--truck 1"))?;
+        Some(invitation.split_whitespace().last()?.to_owned())
+    });
+    let joined = ["controller", "--truck", "1", "--bus", "udp", "--port", &port];
+    let ecu = bench::platoon("gain-ecu", &[&joined[..], &["--ucl", "synthesised"]].concat());
+    ecu.expect_code(0);
+    assert!(ecu.stderr.contains("gain loop is for"), "{}", ecu.stderr);
+    assert!(!ecu.stderr.contains(" 0 ticks"), "{}", ecu.stderr);
+    rig.finish(LIMIT);
 }
 
 #[test]
