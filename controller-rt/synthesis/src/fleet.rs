@@ -5,7 +5,7 @@
 //! proof for delays of any rate, and no truck needs to know how many there are. With K2 = 0, which
 //! is what the optimum of independent disturbances has anyway, no error travels from truck to truck
 //! either, and the largest gamma among them bounds every error. Jensen's inequality is enough for
-//! that, and eighty times as fast to solve as Wirtinger's. Trucks that share a gain with K2 not 0
+//! that, and fifty times as fast to solve as Wirtinger's. Trucks that share a gain with K2 not 0
 //! need [`shared`] and [`certificate::mixed_string_bound`].
 
 use certificate::{
