@@ -13,10 +13,13 @@ use platoon_dbc::{
 use traces::{Recorder, TickRecord};
 
 use crate::controller::Controller;
+use crate::gallery::Gallery;
 use crate::guard::{Admitted, Guard, Plan, Proposal};
 use crate::inbox::{Drained, Inbox};
-use crate::laps::Laps;
+use crate::inquest::{Inquest, Work};
+use crate::laps::{Laps, PhaseTimes};
 use crate::outbox::{Health, Outbox};
+use crate::overrun::{OnOverrun, Overruns, QUEUE_SLOTS_MAX};
 use crate::pacer::{Pacer, Slot};
 use crate::phase_lock::PhaseLock;
 use crate::picture::Picture;
@@ -24,6 +27,7 @@ use crate::recording::{Recording, TickFacts};
 use crate::report::{Ending, Realtime, Report};
 use crate::snapshot::SnapshotBuffer;
 use crate::statistics::Statistics;
+use crate::witness::{Nobody, Witness};
 
 /// A running rig that sends no `EgoState` for this long of executed ticks \[ns\] is gone.
 pub const RIG_SILENT_NS: u64 = 2_000_000_000;
@@ -45,6 +49,8 @@ pub struct Config {
     pub realtime: Option<Realtime>,
     /// The guard's emergency layer does not brake: to see what the law does alone.
     pub without_emergency_braking: bool,
+    /// What is done about ticks that come too late.
+    pub overruns: Overruns,
 }
 
 /// One truck's ECU.
@@ -58,10 +64,15 @@ pub struct Ecu {
     guard: Guard,
     outbox: Outbox,
     statistics: Statistics,
+    inquest: Inquest,
+    gallery: Gallery,
     snapshot: SnapshotBuffer,
     mode: EcuMode,
     /// Executed ticks since the last `EgoState`: a pause of the whole machine adds none.
     silent_ticks: u64,
+    /// The command sent last: force \[N\] and steering angle \[rad\].
+    sent: (f64, f64),
+    has_overrun: bool,
 }
 
 /// Runs the ECU in real time until the mission ends, the rig falls silent or `stop` is set.
@@ -109,18 +120,20 @@ impl Ecu {
     /// Runs one slot.
     pub fn tick(&mut self, slot: Slot, clock: &dyn Clock) -> Drained {
         let mut laps = Laps::start(clock, slot.due_ns);
+        self.inquest.open();
         let drained = self.drain(slot.number, slot.time_ns, laps.last_ns()); // drain
-        let seen = self.picture.observe(slot.time_ns); // observe
         laps.drained();
+        let seen = self.picture.observe(slot.time_ns); // observe
+        laps.observed();
         let decision = seen.as_ref().map(|seen| self.step(seen, &mut laps)); // step
-        let admitted = self.admit(slot.time_ns, decision.as_ref()); // admit
+        let is_held = self.holds(&slot, laps.last_ns());
+        let admitted = self.admit(slot.time_ns, decision.as_ref(), is_held); // admit
         laps.guarded();
         self.send(&slot, decision.as_ref(), &admitted); // send
-        let times = laps.sent();
-        let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
-        let miss_cause = self.statistics.count_times(&slot, &times, period_ns);
-        self.record(&TickFacts { slot, times, miss_cause, decision, admitted }); // record
-        self.watch_rig(drained.ego, period_ns);
+        let facts = self.account((slot, laps.sent()), &drained, (decision, admitted), is_held);
+        self.record(&facts); // record
+        self.inquest.recorded(laps.recorded());
+        self.watch_rig(drained.ego);
         drained
     }
 
@@ -148,10 +161,21 @@ impl Ecu {
             },
             outbox: Outbox::new(Encoder::new(profile, vehicle)),
             statistics: Statistics::new(),
+            inquest: Inquest::new(Box::new(Nobody)),
+            gallery: Gallery::default(),
             snapshot: SnapshotBuffer::new(),
             mode: EcuMode::Waiting,
             silent_ticks: 0,
+            sent: (0.0, 0.0),
+            has_overrun: false,
         }
+    }
+
+    /// Lets this witness be asked about the thread of the loop.
+    #[must_use]
+    pub fn witnessed_by(mut self, witness: Box<dyn Witness>) -> Self {
+        self.inquest = Inquest::new(witness);
+        self
     }
 
     /// Before the first slot: takes what came, sends the status that is due.
@@ -235,6 +259,7 @@ impl Ecu {
     pub fn finish(mut self, clock: &dyn Clock) -> Report {
         let ending = match self.mode {
             EcuMode::Ended => Ending::MissionEnded,
+            EcuMode::Fault if self.has_overrun => Ending::Overrun,
             EcuMode::Fault => Ending::RigSilent,
             EcuMode::Waiting | EcuMode::Ready | EcuMode::Running => Ending::Stopped,
         };
@@ -258,6 +283,12 @@ impl Ecu {
             qp: self.statistics.qp(),
             miss_causes: self.statistics.miss_causes(),
             skip_causes: self.statistics.skip_causes(),
+            on_overrun: self.config.overruns.policy,
+            forgiven: self.statistics.forgiven(),
+            stale_ticks: self.statistics.stale(),
+            held_ticks: self.statistics.held(),
+            thread: self.inquest.thread(),
+            worst_misses: self.gallery.misses(),
             guard: self.statistics.guard_reasons(),
             emergency_brakings: self.guard.emergency_brakings(),
             received: self.inbox.counts(),
@@ -285,7 +316,11 @@ impl Ecu {
             if let (Some((bench_ns, arrival)), Some(period_ns)) = (drained.ego_arrival, period_ns) {
                 lock.note_ego(bench_ns, arrival, period_ns);
                 if self.mode == EcuMode::Running {
-                    return Some(Pacer::new(period_ns, lock, bench_ns));
+                    let pacer = Pacer::new(period_ns, lock, bench_ns);
+                    return Some(match self.config.overruns.policy {
+                        OnOverrun::Queue => pacer.queueing(QUEUE_SLOTS_MAX),
+                        OnOverrun::Skip | OnOverrun::Hold | OnOverrun::Abort => pacer,
+                    });
                 }
             }
         }
@@ -305,16 +340,26 @@ impl Ecu {
         decision
     }
 
-    fn admit(&mut self, now_ns: u64, decision: Option<&Decision>) -> Admitted {
-        let proposal = decision.map(|decision| Proposal {
-            force_n: decision.force_n,
-            steering_rad: decision.steering_rad,
-            plan: plan(decision.outcome),
+    /// Whether the tick's command comes too late to be sent.
+    fn holds(&self, slot: &Slot, now_ns: u64) -> bool {
+        let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
+        self.config.overruns.policy == OnOverrun::Hold && slot.is_over(now_ns, period_ns)
+    }
+
+    fn admit(&mut self, now_ns: u64, decision: Option<&Decision>, is_held: bool) -> Admitted {
+        let proposal = decision.map(|decision| match (is_held, self.sent) {
+            (true, (force_n, steering_rad)) => Proposal { force_n, steering_rad, plan: Plan::Held },
+            (false, _) => Proposal {
+                force_n: decision.force_n,
+                steering_rad: decision.steering_rad,
+                plan: plan(decision.outcome),
+            },
         });
         let (own, objects) = (self.picture.own_motion(now_ns), self.picture.objects(now_ns));
         let admitted = self.guard.admit(now_ns, proposal, own, &objects);
         self.controller.note_applied(admitted.force_n, admitted.steering_rad);
         self.statistics.count_guard(admitted.reason);
+        self.sent = (admitted.force_n, admitted.steering_rad);
         admitted
     }
 
@@ -334,6 +379,28 @@ impl Ecu {
         self.outbox.status(bus, slot.time_ns, self.mode, health(&self.config, &self.statistics));
     }
 
+    /// Counts the tick, and finds out why it came too late if it did.
+    fn account(
+        &mut self,
+        (slot, times): (Slot, PhaseTimes),
+        drained: &Drained,
+        (decision, admitted): (Option<Decision>, Admitted),
+        is_held: bool,
+    ) -> TickFacts {
+        let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
+        let work = Work::of(drained.frames, decision.as_ref());
+        let finding = self.inquest.close(&slot, &times, work, period_ns);
+        let is_forgiven = self.config.overruns.forgives(slot.time_ns);
+        self.statistics.count_times(&slot, &times, &finding, is_forgiven);
+        self.gallery.consider(&slot, &times, work, &finding);
+        if !is_forgiven {
+            self.inquest.settle();
+        }
+        let is_stale = self.picture.ego().is_none_or(|ego| ego.bench_time_ns < slot.time_ns);
+        self.statistics.count_lacks(is_stale, is_held);
+        TickFacts { slot, times, work, finding, is_stale, is_held, decision, admitted }
+    }
+
     fn record(&mut self, facts: &TickFacts) {
         self.recording.tick(facts);
         if self.recording.wants_snapshot(facts.slot.time_ns) {
@@ -349,12 +416,15 @@ impl Ecu {
     }
 
     /// Notices the end of the run.
-    fn watch_rig(&mut self, ego_came: bool, period_ns: u64) {
+    fn watch_rig(&mut self, ego_came: bool) {
+        let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
         self.silent_ticks = if ego_came { 0 } else { self.silent_ticks + 1 };
         if self.picture.mission().is_some_and(|mission| mission.run_state == RunState::Ended) {
             self.mode = EcuMode::Ended;
         } else if self.silent_ticks.saturating_mul(period_ns) >= RIG_SILENT_NS {
             self.mode = EcuMode::Fault;
+        } else if self.config.overruns.is_too_much(self.statistics.lost()) {
+            (self.mode, self.has_overrun) = (EcuMode::Fault, true);
         }
     }
 }

@@ -3,13 +3,18 @@
 use law::Phase;
 use platoon_dbc::Clock;
 
+/// Phases of a tick, its whole among them.
+pub const PHASES: usize = 9;
+
 /// Durations of one tick \[ns\]. A phase that did not take place is `None`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PhaseTimes {
     /// From due to awake.
     pub wake_ns: u64,
-    /// Draining, decoding, and building the observation.
+    /// Asking the witness, draining and decoding.
     pub drain_ns: u64,
+    /// Building the observation.
+    pub observe_ns: u64,
     /// The law's coordination layer.
     pub ucl_ns: Option<u64>,
     /// The law's motion layer up to the QP.
@@ -27,10 +32,11 @@ pub struct PhaseTimes {
 impl PhaseTimes {
     /// Phases in the order of the loop, by the names reports use.
     #[must_use]
-    pub fn named(&self) -> [(&'static str, Option<u64>); 8] {
+    pub fn named(&self) -> [(&'static str, Option<u64>); PHASES] {
         [
             ("wake", Some(self.wake_ns)),
             ("drain", Some(self.drain_ns)),
+            ("observe", Some(self.observe_ns)),
             ("ucl", self.ucl_ns),
             ("lml_build", self.lml_build_ns),
             ("qp", self.qp_ns),
@@ -68,6 +74,11 @@ impl<'clock> Laps<'clock> {
         self.times.drain_ns = self.lap();
     }
 
+    /// Ends observing.
+    pub fn observed(&mut self) {
+        self.times.observe_ns = self.lap();
+    }
+
     /// Ends one of the law's phases.
     pub fn stepped(&mut self, phase: Phase) {
         let lap_ns = Some(self.lap());
@@ -83,11 +94,17 @@ impl<'clock> Laps<'clock> {
         self.times.guard_ns = self.lap();
     }
 
-    /// Ends sending, and with it the tick; all its times.
+    /// Ends sending, and with it what has a deadline; all its times.
     pub fn sent(&mut self) -> PhaseTimes {
         self.times.send_ns = self.lap();
         self.times.total_ns = self.last_ns.saturating_sub(self.due_ns);
         self.times
+    }
+
+    /// The clock reading when the finished tick has been handed to the recorder \[ns\].
+    pub fn recorded(&mut self) -> u64 {
+        self.lap();
+        self.last_ns
     }
 
     fn lap(&mut self) -> u64 {

@@ -8,6 +8,8 @@
 //! - `Inbox` drains at most so many frames, checks E2E protection and counts what it refuses.
 //! - `Picture` keeps the newest message of each kind with its age and makes the observation.
 //! - [`Controller`] is the slot the law fits into.
+//! - [`blame`] finds why a deadline was missed, from what a [`Witness`] says; [`Overruns`] is what
+//!   is done about it.
 //! - [`guard`] admits: its own limits, its own constants, no trust in the law.
 //! - `Outbox` sends: command, V2V broadcast, status.
 //! - The recording goes into a ring; a thread of the recorder writes it.
@@ -16,12 +18,16 @@
 //! clock, file or environment variable: a [`Clock`](platoon_dbc::Clock) is passed in. It does not
 //! acquire real-time privileges either. In the steady state a tick neither allocates nor locks.
 
+mod blame;
 mod controller;
 mod ecu;
+mod gallery;
 pub mod guard;
 mod inbox;
+mod inquest;
 mod laps;
 mod outbox;
+mod overrun;
 mod pacer;
 mod phase_lock;
 mod picture;
@@ -31,14 +37,20 @@ mod replica;
 mod report;
 mod snapshot;
 mod statistics;
+mod usual;
+mod witness;
 
+pub use blame::{Evidence, Waiting, Working, blame};
 pub use controller::{Controller, LawController, Phase};
 pub use ecu::{Config, Ecu, RIG_SILENT_NS, first_mission, run};
+pub use gallery::{GALLERY_SIZE, Miss};
 pub use inbox::{Drained, InboxCounts};
 pub use outbox::OutboxCounts;
+pub use overrun::{OnOverrun, Overruns, QUEUE_SLOTS_MAX};
 pub use pacer::{Pacer, Slot};
 pub use phase_lock::{Arrival, PhaseLock};
 pub use recording::join_snapshot;
 pub use reference_qp::Clarabel;
 pub use replica::Replica;
-pub use report::{Ending, Percentiles, QpTotals, Realtime, Report};
+pub use report::{Ending, Percentiles, QpTotals, Realtime, Report, ThreadCounts};
+pub use witness::{Nobody, ThreadTotals, Witness};

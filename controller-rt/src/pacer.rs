@@ -6,13 +6,16 @@
 //! so starts are never closer than half a period and an overrun is never followed by a burst
 //! (the Skip strategy of A. Cervin, *Analysis of overrun strategies in periodic control tasks*,
 //! IFAC 2005). The law is told the slot's time, so the elapsed time it sees is always true.
+//! A pacer that is told to queue (his Queue strategy) lets slots start later by that many periods,
+//! and so makes up for them in a burst of at most that length.
 
 use platoon_dbc::Clock;
 
+use crate::laps::PhaseTimes;
 use crate::phase_lock::{Arrival, PhaseLock};
 
 /// One period of the loop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Slot {
     /// Grid points since bench time 0.
     pub number: u32,
@@ -31,6 +34,18 @@ pub struct Slot {
 }
 
 impl Slot {
+    /// Whether a tick with these times sent its last frame after the end of its period.
+    #[must_use]
+    pub(crate) const fn has_missed(&self, times: &PhaseTimes, period_ns: u64) -> bool {
+        self.has_deadline && times.total_ns > period_ns
+    }
+
+    /// Whether the period is over at `now_ns`.
+    #[must_use]
+    pub(crate) const fn is_over(&self, now_ns: u64, period_ns: u64) -> bool {
+        self.has_deadline && now_ns > self.due_ns.saturating_add(period_ns)
+    }
+
     /// Slot `number` of a loop with this period, due now: the slot of virtual time.
     #[must_use]
     pub fn on_time(number: u32, period_ns: u64, clock: &dyn Clock) -> Self {
@@ -51,6 +66,8 @@ impl Slot {
 #[derive(Debug, Clone)]
 pub struct Pacer {
     period_ns: u64,
+    /// How late a slot may start \[ns\].
+    late_max_ns: u64,
     lock: PhaseLock,
     next: u64,
     skipped: u32,
@@ -65,12 +82,20 @@ impl Pacer {
         let period_ns = period_ns.max(1);
         Self {
             period_ns,
+            late_max_ns: period_ns / 2,
             lock,
             next: bench_ns / period_ns,
             skipped: 0,
             overslept: 0,
             overslept_ns: 0,
         }
+    }
+
+    /// The same, letting slots start late by this many periods more.
+    #[must_use]
+    pub fn queueing(mut self, slots: u32) -> Self {
+        self.late_max_ns = self.period_ns / 2 + u64::from(slots) * self.period_ns;
+        self
     }
 
     /// Sleeps until the next slot is due and returns it.
@@ -115,7 +140,7 @@ impl Pacer {
 
     /// Passes over every slot that may no longer start at `now_ns`; how many.
     fn pass_over_late(&mut self, now_ns: u64) -> u32 {
-        let latest_start_ns = self.due_ns(self.next) + self.period_ns / 2;
+        let latest_start_ns = self.due_ns(self.next) + self.late_max_ns;
         let Some(late_ns) = now_ns.checked_sub(latest_start_ns + 1) else {
             return 0;
         };
@@ -226,6 +251,20 @@ mod tests {
             total += 1 + slot.skipped;
             assert_eq!(slot.number + 1, total, "every grid point is run or counted as skipped");
         }
+    }
+
+    #[test]
+    fn a_queue_runs_late_slots_at_once_until_it_is_too_long() {
+        let (pacer, clock) = (pacer(), FakeClock::at(OFFSET_NS));
+        let mut pacer = pacer.queueing(4);
+        next(&mut pacer, &clock);
+        clock.advance(3 * PERIOD_NS + PERIOD_NS / 2);
+        let (late_ns, slots) = (clock.now_ns(), [(); 3].map(|()| next(&mut pacer, &clock)));
+        assert_eq!(slots.map(|slot| (slot.number, slot.skipped)), [(1, 0), (2, 0), (3, 0)]);
+        assert_eq!(clock.now_ns(), late_ns, "without waiting");
+        clock.advance(6 * PERIOD_NS);
+        let slot = next(&mut pacer, &clock);
+        assert_eq!((slot.number, slot.skipped), (5, 1), "four and a half periods late at most");
     }
 
     #[test]

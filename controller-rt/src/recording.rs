@@ -12,6 +12,7 @@ use traces::{
 };
 
 use crate::guard::{Admitted, Reason};
+use crate::inquest::{Finding, Work};
 use crate::laps::PhaseTimes;
 use crate::pacer::Slot;
 
@@ -151,8 +152,14 @@ pub struct TickFacts {
     pub slot: Slot,
     /// How long it took.
     pub times: PhaseTimes,
-    /// What made it miss.
-    pub miss_cause: MissCause,
+    /// What it had to do.
+    pub work: Work,
+    /// What was found out about it.
+    pub finding: Finding,
+    /// Whether it ran on an older `EgoState` than its own.
+    pub is_stale: bool,
+    /// Whether its command came too late to be sent.
+    pub is_held: bool,
     /// What the law decided, if it was asked.
     pub decision: Option<Decision>,
     /// What was sent.
@@ -161,14 +168,14 @@ pub struct TickFacts {
 
 impl TickFacts {
     fn record(&self, truck: u8) -> TickRecord {
-        let Self { slot, times, miss_cause, decision, admitted } = self;
-        let short = |took_ns: u64| u32::try_from(took_ns).unwrap_or(u32::MAX);
+        let Self { slot, times, finding, decision, admitted, .. } = self;
         let record = TickRecord {
             time_ns: slot.time_ns,
             tick: slot.number,
             ecu: truck,
             wake_ns: short(times.wake_ns),
             drain_ns: short(times.drain_ns),
+            observe_ns: short(times.observe_ns),
             ucl_ns: short(times.ucl_ns.unwrap_or(0)),
             lml_build_ns: short(times.lml_build_ns.unwrap_or(0)),
             qp_ns: short(times.qp_ns.unwrap_or(0)),
@@ -176,17 +183,44 @@ impl TickFacts {
             send_ns: short(times.send_ns),
             total_ns: short(times.total_ns),
             skipped: slot.skipped,
-            missed: *miss_cause != MissCause::None,
-            miss_cause: *miss_cause,
+            missed: finding.miss != MissCause::None,
+            miss_cause: finding.miss,
+            skip_cause: finding.skip,
+            due_ns: if slot.has_deadline { slot.due_ns } else { 0 },
+            stale: self.is_stale,
+            held: self.is_held,
+            frames: self.work.frames,
             guard_reason: guard_reason(admitted.reason),
             force_n: admitted.force_n,
             steering_rad: admitted.steering_rad,
             leader_age_s: f32::NAN,
             predecessor_age_s: f32::NAN,
-            ..TickRecord::default()
+            ..with_evidence(finding)
         };
         decision.map_or(record, |decision| with_decision(record, &decision))
     }
+}
+
+/// A record of what was witnessed and of nothing else.
+fn with_evidence(finding: &Finding) -> TickRecord {
+    let Finding { before, during, .. } = finding;
+    TickRecord {
+        record_before_ns: short(finding.record_before_ns),
+        run_delay_wake_ns: short(before.run_delay_ns),
+        run_delay_ns: short(during.run_delay_ns),
+        cpu_ns: short(during.cpu_ns),
+        minor_faults: short(during.minor_faults),
+        major_faults: short(during.major_faults),
+        involuntary_switches: short(during.involuntary_switches),
+        voluntary_switches: short(during.voluntary_switches),
+        sentinel_gap_ns: short(finding.standstill_ns),
+        ..TickRecord::default()
+    }
+}
+
+/// A number as the record has room for it.
+fn short(number: u64) -> u32 {
+    u32::try_from(number).unwrap_or(u32::MAX)
 }
 
 /// The record with the law's account filled in.

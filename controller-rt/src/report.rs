@@ -4,8 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::gallery::Miss;
 use crate::inbox::InboxCounts;
 use crate::outbox::OutboxCounts;
+use crate::overrun::OnOverrun;
 
 /// One ECU's run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,10 +34,28 @@ pub struct Report {
     pub phase_us: BTreeMap<String, Percentiles>,
     /// The QP solver's totals.
     pub qp: QpTotals,
-    /// Misses by the phase that took longest.
+    /// Misses by cause, in the words of [`MissCause::word`](traces::MissCause::word).
     pub miss_causes: BTreeMap<String, u64>,
-    /// Skipped slots: `wake` when the loop slept through them, `overrun` when it was still busy.
+    /// Skipped slots by cause, in the same words.
     pub skip_causes: BTreeMap<String, u64>,
+    /// What was done about overruns.
+    #[serde(default)]
+    pub on_overrun: OnOverrun,
+    /// Misses and skipped slots within the startup grace; they are in the totals too.
+    #[serde(default)]
+    pub forgiven: u64,
+    /// Ticks that ran on an older `EgoState` than their own, which came late or not at all.
+    #[serde(default)]
+    pub stale_ticks: u64,
+    /// Commands that came too late and were not sent (`--on-overrun hold`).
+    #[serde(default)]
+    pub held_ticks: u64,
+    /// What the thread of the loop did after the startup grace; none where nobody could tell.
+    #[serde(default)]
+    pub thread: Option<ThreadCounts>,
+    /// The worst misses, worst first.
+    #[serde(default)]
+    pub worst_misses: Vec<Miss>,
     /// Commands the guard changed, by its reason.
     pub guard: BTreeMap<String, u64>,
     /// How often the guard's emergency layer began to brake.
@@ -49,6 +69,21 @@ pub struct Report {
     pub receive_overflow: u64,
 }
 
+/// What happened to the thread of a loop.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct ThreadCounts {
+    /// Page faults served without I/O.
+    pub minor_faults: u64,
+    /// Page faults that read from a disk.
+    pub major_faults: u64,
+    /// Times the CPU was taken from it.
+    pub involuntary_switches: u64,
+    /// CPU time used \[ns\].
+    pub cpu_ns: u64,
+    /// Time spent runnable but without a CPU \[ns\].
+    pub run_delay_ns: u64,
+}
+
 /// Why a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -59,6 +94,8 @@ pub enum Ending {
     Stopped,
     /// The rig fell silent.
     RigSilent,
+    /// Too many deadlines were missed (`--on-overrun abort`).
+    Overrun,
 }
 
 /// Real-time privileges obtained, whatever was asked for. Filled in by who obtained them.
@@ -72,6 +109,9 @@ pub struct Realtime {
     pub cpus: Vec<usize>,
     /// Whether the memory is locked.
     pub mlock: bool,
+    /// Whether the CPUs are kept out of deep idle states.
+    #[serde(default)]
+    pub cpu_latency_held: bool,
 }
 
 /// Percentiles of one phase \[µs\].

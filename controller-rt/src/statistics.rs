@@ -1,7 +1,7 @@
 //! The loop's account of itself: distributions per phase, misses and their causes, skips.
 //!
 //! A tick *misses* when its last frame was handed to the bus after the end of its period, one
-//! period after it was due. A slot is *skipped* when it could not start within half a period; it
+//! period after it was due; why, the inquest finds. A slot is *skipped* when it could not start within half a period; it
 //! is not counted as missed besides. The wake-up that lost it is in the histogram of `wake` though,
 //! or the worst ones would be missing from it. Histograms have a fixed range, so counting never
 //! allocates; what exceeds the range is counted at its end, and `max` is exact.
@@ -13,7 +13,8 @@ use law::{Decision, Outcome};
 use traces::MissCause;
 
 use crate::guard::Reason;
-use crate::laps::PhaseTimes;
+use crate::inquest::Finding;
+use crate::laps::{PHASES, PhaseTimes};
 use crate::pacer::Slot;
 use crate::report::{Percentiles, QpTotals};
 
@@ -21,18 +22,10 @@ use crate::report::{Percentiles, QpTotals};
 const RANGE_NS: u64 = 10_000_000_000;
 /// Significant decimal digits of a histogram.
 const DIGITS: u8 = 3;
-const PHASES: usize = 8;
 /// Place of the wake-up among the phases.
 const WAKE: usize = 0;
-const CAUSES: [(MissCause, &str); 7] = [
-    (MissCause::Wake, "wake"),
-    (MissCause::Drain, "drain"),
-    (MissCause::Ucl, "ucl"),
-    (MissCause::LmlBuild, "lml_build"),
-    (MissCause::Qp, "qp"),
-    (MissCause::Guard, "guard"),
-    (MissCause::Send, "send"),
-];
+/// Causes of a miss, none among them.
+const CAUSES: usize = MissCause::ALL.len();
 
 /// Everything counted over a run.
 #[derive(Debug, Clone)]
@@ -41,8 +34,11 @@ pub struct Statistics {
     ticks: u64,
     misses: u64,
     skipped: u64,
-    overslept: u64,
-    causes: [u64; CAUSES.len()],
+    forgiven: u64,
+    stale: u64,
+    held: u64,
+    miss_causes: [u64; CAUSES],
+    skip_causes: [u64; CAUSES],
     guard: [u64; Reason::ALL.len()],
     qp: QpTotals,
 }
@@ -73,8 +69,11 @@ impl Statistics {
             ticks: 0,
             misses: 0,
             skipped: 0,
-            overslept: 0,
-            causes: [0; CAUSES.len()],
+            forgiven: 0,
+            stale: 0,
+            held: 0,
+            miss_causes: [0; CAUSES],
+            skip_causes: [0; CAUSES],
             guard: [0; Reason::ALL.len()],
             qp: QpTotals::default(),
         }
@@ -98,17 +97,45 @@ impl Statistics {
         self.skipped
     }
 
+    /// Slots lost that count: missed or skipped, but not forgiven.
+    #[must_use]
+    pub const fn lost(&self) -> u64 {
+        self.misses + self.skipped - self.forgiven
+    }
+
+    /// Slots lost while the run was starting up.
+    #[must_use]
+    pub const fn forgiven(&self) -> u64 {
+        self.forgiven
+    }
+
+    /// Ticks that ran on an older `EgoState` than their own.
+    #[must_use]
+    pub const fn stale(&self) -> u64 {
+        self.stale
+    }
+
+    /// Commands that came too late and were not sent.
+    #[must_use]
+    pub const fn held(&self) -> u64 {
+        self.held
+    }
+
     /// The QP solver's totals.
     #[must_use]
     pub const fn qp(&self) -> QpTotals {
         self.qp
     }
 
-    /// Counts one tick's times; what made it miss, `None` when it did not.
-    pub fn count_times(&mut self, slot: &Slot, times: &PhaseTimes, period_ns: u64) -> MissCause {
+    /// Counts one tick's times, and why it and the slots before it were lost, if they were.
+    pub fn count_times(
+        &mut self,
+        slot: &Slot,
+        times: &PhaseTimes,
+        finding: &Finding,
+        is_forgiven: bool,
+    ) {
         self.ticks += 1;
-        self.skipped += u64::from(slot.skipped);
-        self.overslept += u64::from(slot.overslept);
         if slot.overslept > 0 {
             self.phases[WAKE].count(slot.overslept_ns);
         }
@@ -117,13 +144,20 @@ impl Statistics {
                 phase.count(took_ns);
             }
         }
-        if !slot.has_deadline || times.total_ns <= period_ns {
-            return MissCause::None;
+        let (missed, skipped) = (finding.miss != MissCause::None, u64::from(slot.skipped));
+        self.misses += u64::from(missed);
+        self.skipped += skipped;
+        self.miss_causes[finding.miss as usize] += u64::from(missed);
+        self.skip_causes[finding.skip as usize] += skipped;
+        if is_forgiven {
+            self.forgiven += u64::from(missed) + skipped;
         }
-        self.misses += 1;
-        let cause = largest(times);
-        self.causes[cause] += 1;
-        CAUSES[cause].0
+    }
+
+    /// Counts what a tick had to do without: its own `EgoState`, its own command.
+    pub fn count_lacks(&mut self, is_stale: bool, is_held: bool) {
+        self.stale += u64::from(is_stale);
+        self.held += u64::from(is_held);
     }
 
     /// Counts what the guard did.
@@ -156,15 +190,13 @@ impl Statistics {
     /// Misses by cause, those that occurred.
     #[must_use]
     pub fn miss_causes(&self) -> BTreeMap<String, u64> {
-        occurred(CAUSES.iter().map(|(_, name)| *name).zip(self.causes))
+        occurred(MissCause::ALL.iter().map(|cause| cause.word()).zip(self.miss_causes))
     }
 
-    /// Skipped slots by cause, those that occurred: `wake` when the loop slept through them,
-    /// `overrun` when it was still busy with an earlier one.
+    /// Skipped slots by cause, those that occurred.
     #[must_use]
     pub fn skip_causes(&self) -> BTreeMap<String, u64> {
-        let overrun = self.skipped - self.overslept;
-        occurred([("wake", self.overslept), ("overrun", overrun)].into_iter())
+        occurred(MissCause::ALL.iter().map(|cause| cause.word()).zip(self.skip_causes))
     }
 
     /// Guard interventions by reason, those that occurred.
@@ -195,18 +227,6 @@ impl Phase {
     }
 }
 
-/// The phase that took longest, as an index into [`CAUSES`]; the earliest of equals.
-fn largest(times: &PhaseTimes) -> usize {
-    let mut largest = (0, 0);
-    for (index, (_, took_ns)) in times.named().into_iter().take(CAUSES.len()).enumerate() {
-        let took_ns = took_ns.unwrap_or(0);
-        if took_ns > largest.1 {
-            largest = (index, took_ns);
-        }
-    }
-    largest.0
-}
-
 fn occurred(counts: impl Iterator<Item = (&'static str, u64)>) -> BTreeMap<String, u64> {
     counts.filter(|&(_, count)| count > 0).map(|(name, count)| (name.to_owned(), count)).collect()
 }
@@ -214,56 +234,30 @@ fn occurred(counts: impl Iterator<Item = (&'static str, u64)>) -> BTreeMap<Strin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::witness::ThreadTotals;
 
-    const PERIOD_NS: u64 = 1_000_000;
-
-    const SLOT: Slot = Slot {
-        number: 0,
-        time_ns: 0,
-        due_ns: 0,
-        skipped: 0,
-        overslept: 0,
-        overslept_ns: 0,
-        has_deadline: true,
+    const IN_TIME: Finding = Finding {
+        miss: MissCause::None,
+        skip: MissCause::None,
+        late_ns: 0,
+        before: ThreadTotals::NOTHING,
+        during: ThreadTotals::NOTHING,
+        standstill_ns: 0,
+        record_before_ns: 0,
     };
 
-    fn times(wake_ns: u64, qp_ns: u64) -> PhaseTimes {
-        PhaseTimes {
-            wake_ns,
-            drain_ns: 10,
-            qp_ns: Some(qp_ns),
-            total_ns: wake_ns + 10 + qp_ns,
-            ..PhaseTimes::default()
-        }
-    }
-
-    #[test]
-    fn the_deadline_is_the_end_of_the_period_and_not_earlier() {
-        let mut statistics = Statistics::new();
-        let on_time = times(0, PERIOD_NS - 10);
-        assert_eq!(statistics.count_times(&SLOT, &on_time, PERIOD_NS), MissCause::None);
-        let late = times(0, PERIOD_NS - 9);
-        assert_eq!(statistics.count_times(&SLOT, &late, PERIOD_NS), MissCause::Qp);
-        assert_eq!((statistics.ticks(), statistics.misses()), (2, 1));
-    }
-
-    #[test]
-    fn a_miss_is_blamed_on_the_phase_that_took_longest() {
-        let mut statistics = Statistics::new();
-        statistics.count_times(&SLOT, &times(900_000, 200_000), PERIOD_NS);
-        statistics.count_times(&SLOT, &times(200_000, 900_000), PERIOD_NS);
-        statistics.count_times(&SLOT, &times(100_000, 900_001), PERIOD_NS);
-        let expected = [("qp".to_owned(), 2), ("wake".to_owned(), 1)];
-        assert_eq!(statistics.miss_causes(), BTreeMap::from(expected));
+    fn wake(wake_ns: u64) -> PhaseTimes {
+        PhaseTimes { wake_ns, total_ns: wake_ns, ..PhaseTimes::default() }
     }
 
     #[test]
     fn percentiles_are_exact_to_three_digits_and_the_maximum_fully() {
         let mut statistics = Statistics::new();
+        let slot = Slot::default();
         for n in 1..=1000 {
-            statistics.count_times(&SLOT, &times(n * 1000, 0), u64::MAX);
+            statistics.count_times(&slot, &wake(n * 1000), &IN_TIME, false);
         }
-        statistics.count_times(&SLOT, &times(123_456_789_012, 0), u64::MAX);
+        statistics.count_times(&slot, &wake(123_456_789_012), &IN_TIME, false);
         let wake = statistics.percentiles()["wake"];
         assert!((wake.p50 - 501.0).abs() < 1.0, "{wake:?}");
         assert!((wake.p99 - 991.0).abs() < 1.5, "{wake:?}");
@@ -272,21 +266,27 @@ mod tests {
     }
 
     #[test]
-    fn skipped_slots_are_counted_by_cause_and_apart_from_misses() {
+    fn misses_and_skipped_slots_are_counted_apart_each_by_cause() {
         let mut statistics = Statistics::new();
-        let slot = Slot { skipped: 7, overslept: 4, overslept_ns: 4_200_000, ..SLOT };
-        statistics.count_times(&slot, &times(0, 1), PERIOD_NS);
-        assert_eq!((statistics.ticks(), statistics.misses(), statistics.skipped()), (1, 0, 7));
-        let expected = [("overrun".to_owned(), 3), ("wake".to_owned(), 4)];
-        assert_eq!(statistics.skip_causes(), BTreeMap::from(expected));
+        let missed = Finding { miss: MissCause::Law, ..IN_TIME };
+        statistics.count_times(&Slot::default(), &wake(1), &missed, false);
+        let slot = Slot { skipped: 7, overslept: 7, overslept_ns: 7_200_000, ..Slot::default() };
+        let skipped = Finding { skip: MissCause::HostPause, ..IN_TIME };
+        statistics.count_times(&slot, &wake(1), &skipped, false);
+        assert_eq!((statistics.ticks(), statistics.misses(), statistics.skipped()), (2, 1, 7));
+        assert_eq!(statistics.miss_causes(), BTreeMap::from([("law".to_owned(), 1)]));
+        assert_eq!(statistics.skip_causes(), BTreeMap::from([("host_pause".to_owned(), 7)]));
+        assert_eq!(statistics.percentiles()["wake"].max, 7_200.0, "the wake-up that lost them");
     }
 
     #[test]
-    fn the_wake_up_that_lost_a_slot_is_not_missing_from_the_distribution() {
+    fn what_is_lost_at_the_start_is_counted_and_forgiven() {
         let mut statistics = Statistics::new();
-        let slot = Slot { skipped: 4, overslept: 4, overslept_ns: 4_200_000, ..SLOT };
-        statistics.count_times(&slot, &times(100_000, 1), PERIOD_NS);
-        assert_eq!(statistics.percentiles()["wake"].max, 4_200.0);
-        assert!(statistics.percentiles()["total"].max < 200.0);
+        let missed = Finding { miss: MissCause::Law, ..IN_TIME };
+        let slot = Slot { skipped: 2, ..Slot::default() };
+        statistics.count_times(&slot, &wake(1), &missed, true);
+        statistics.count_times(&slot, &wake(1), &missed, false);
+        assert_eq!((statistics.misses(), statistics.skipped()), (2, 4));
+        assert_eq!((statistics.forgiven(), statistics.lost()), (3, 3));
     }
 }

@@ -43,27 +43,31 @@ choices! {
 }
 
 choices! {
-    /// What made a tick miss its deadline.
+    /// What made a tick miss its deadline: that without which it would have met it.
     pub enum MissCause = "platoon.MissCause" {
-        /// It did not miss.
+        /// It did not miss, or was recorded before causes were looked for by evidence.
         #[default]
         None = 0,
-        /// The loop was woken too late.
-        Wake = 1,
-        /// Draining the bus took most of the overrun.
-        Drain = 2,
-        /// The cooperative controller did.
-        Ucl = 3,
-        /// Building the QP did.
-        LmlBuild = 4,
-        /// Solving the QP did.
-        Qp = 5,
-        /// The guard did.
-        Guard = 6,
-        /// Sending did.
-        Send = 7,
-        /// The loop was runnable but not on a CPU: wall time passed without CPU time.
-        Preempted = 8,
+        /// The loop was runnable in time but waited for a CPU before its first instruction.
+        RunQueue = 1,
+        /// The machine under the kernel stood still: nothing ran on the loop's CPU.
+        HostPause = 2,
+        /// The loop was blocked in the bus.
+        CanWait = 3,
+        /// More frames than usual were waiting.
+        CanDrain = 4,
+        /// The law, the picture or the guard computed for longer than usual.
+        Law = 5,
+        /// The QP took more iterations than usual.
+        QpIterations = 6,
+        /// Memory was not where it was expected.
+        PageFault = 7,
+        /// Handing the tick before to the recorder took too long.
+        Recorder = 8,
+        /// The loop lost its CPU while it computed.
+        Preempted = 9,
+        /// No evidence explains it.
+        Unattributed = 10,
     }
 }
 
@@ -71,7 +75,8 @@ message! {
     /// One tick of one ECU.
     ///
     /// Phase times are durations \[ns\]; `wake_ns` runs from the tick's due instant to the loop's
-    /// first instruction, `total_ns` from the due instant to the command handed to the bus.
+    /// first instruction, `total_ns` from the due instant to the command handed to the bus. What
+    /// was witnessed of the thread is 0 where nobody could witness it, as in virtual time.
     #[derive(Debug, Clone, Copy, PartialEq, Default)]
     pub struct TickRecord = "platoon.Tick" {
         /// Bench time this tick stands for \[ns\].
@@ -100,8 +105,6 @@ message! {
         12 skipped: u32,
         /// Whether the command came after the deadline.
         13 missed: bool,
-        /// What made it miss.
-        14 miss_cause: MissCause,
         /// What the law answered.
         15 outcome: TickOutcome,
         /// What the guard changed.
@@ -136,6 +139,60 @@ message! {
         30 potential: f32,
         /// Slack of the three softened constraint groups.
         31 slack: [f32; 3],
+        // 14 was the phase that took longest, until causes were looked for by evidence.
+        /// What made it miss.
+        32 miss_cause: MissCause,
+        /// What made the loop pass over the grid points before it.
+        33 skip_cause: MissCause,
+        /// Reading of the loop's clock when the tick was due \[ns\]; 0 in virtual time.
+        34 due_ns: u64,
+        /// Building the observation \[ns\].
+        35 observe_ns: u32,
+        /// Handing the tick *before* to the recorder \[ns\].
+        36 record_before_ns: u32,
+        /// Frames taken from the bus.
+        37 frames: u32,
+        /// Ran on an older EgoState than its own: that came late, or not at all.
+        38 stale: bool,
+        /// The command was computed too late and the one before sent again (`--on-overrun hold`).
+        39 held: bool,
+        /// Time the thread waited for a CPU \[ns\], from the end of the tick before to its start.
+        40 run_delay_wake_ns: u32,
+        /// The same from its start to its end.
+        41 run_delay_ns: u32,
+        /// CPU time used \[ns\].
+        42 cpu_ns: u32,
+        /// Page faults served without I/O.
+        43 minor_faults: u32,
+        /// Page faults that read from a disk.
+        44 major_faults: u32,
+        /// Times the CPU was taken from the thread.
+        45 involuntary_switches: u32,
+        /// Times the thread waited for something.
+        46 voluntary_switches: u32,
+        /// How long the sentinel on the same CPU saw the machine stand still meanwhile \[ns\];
+        /// asked only of ticks that missed.
+        47 sentinel_gap_ns: u32,
+    }
+}
+
+impl MissCause {
+    /// The word summaries use.
+    #[must_use]
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::RunQueue => "run_queue",
+            Self::HostPause => "host_pause",
+            Self::CanWait => "can_wait",
+            Self::CanDrain => "can_drain",
+            Self::Law => "law",
+            Self::QpIterations => "qp_iterations",
+            Self::PageFault => "page_fault",
+            Self::Recorder => "recorder",
+            Self::Preempted => "preempted",
+            Self::Unattributed => "unattributed",
+        }
     }
 }
 
@@ -196,6 +253,12 @@ mod tests {
 
     #[test]
     fn an_enum_number_nobody_knows_is_refused() {
-        assert_eq!(TickRecord::decode(&[14 << 3, 99]), Err(crate::DecodeError::OutOfRange));
+        assert_eq!(TickRecord::decode(&[15 << 3, 99]), Err(crate::DecodeError::OutOfRange));
+    }
+
+    #[test]
+    fn a_record_from_before_causes_had_evidence_is_read_without_a_cause() {
+        let old = TickRecord::decode(&[13 << 3, 1, 14 << 3, 8]).expect("decodes");
+        assert_eq!((old.missed, old.miss_cause), (true, MissCause::None));
     }
 }
