@@ -1,12 +1,12 @@
 //! `platoon bench`: the rig as a process of its own, and beside it the ECUs it is told to host.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 
 use bench_sim::rig::{self, Progress, RunEnd, RunOptions, RunReport};
 use bench_sim::{Results, Rig, Scenario};
-use controller_rt::{Config, Ecu, Realtime, Report};
+use controller_rt::{Config, Ecu, Ending, Realtime, Report};
 use law::Calibration;
 use platoon_dbc::{Bus, Clock, Emulated, Loopback};
 use serde::{Deserialize, Serialize};
@@ -21,7 +21,9 @@ use crate::gain;
 use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
+use crate::stall::stalling;
 use crate::summary::Verdict;
+use crate::witness::HostWitness;
 
 /// How long ECUs may take to get ready that were started together with the rig \[ns\].
 const SUPERVISED_READY_NS: u64 = 30_000_000_000;
@@ -159,7 +161,7 @@ fn drive(
     line.clear();
     if pace.is_err() {
         // The hosted ECUs must end too, whatever they were waiting for.
-        stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        stop.store(true, Ordering::Relaxed);
     }
     let hosted = hosted.into_iter().filter_map(|ecu| ecu.join().ok()).collect();
     let recording = rig.take_recorder().and_then(recording_loss);
@@ -191,7 +193,9 @@ fn host(
     end: Loopback,
     stop: &Arc<AtomicBool>,
 ) -> Result<JoinHandle<Report>, Failure> {
-    let controller = calibration::controller(calibration, args.law_options.solver);
+    let law = calibration::controller(calibration, args.law_options.solver);
+    let controller = stalling(law, &args.told.fault, truck);
+    let (overruns, pauses) = (args.overrun.overruns(), args.told.pauses.clone());
     let interfaces = vec![end.name().to_owned()];
     let source = Source::Ecu(truck);
     let recorder = process::recorder(folder, source, Overflow::DropNewest, interfaces)?;
@@ -202,10 +206,23 @@ fn host(
     let run = move || {
         let obtained = process::become_realtime(process::ECU_PRIORITY, None);
         let realtime = Some(process::as_reported(&obtained));
-        let config =
-            Config { truck, gain_id, profile, vehicle, realtime, without_emergency_braking };
-        let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder));
-        controller_rt::run(ecu, &HostClock::default(), &stop)
+        let config = Config {
+            truck,
+            gain_id,
+            profile,
+            vehicle,
+            realtime,
+            without_emergency_braking,
+            overruns,
+        };
+        let witness = HostWitness::of_this_thread(&obtained.cpus, pauses.as_deref());
+        let ecu = Ecu::new(config, Box::new(end), controller, Some(recorder))
+            .witnessed_by(Box::new(witness));
+        let report = controller_rt::run(ecu, &HostClock::default(), &stop);
+        if report.ending == Ending::Overrun {
+            stop.store(true, Ordering::Relaxed);
+        }
+        report
     };
     thread::Builder::new()
         .name(process::ecu_name(truck))

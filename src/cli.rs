@@ -3,6 +3,7 @@
 mod compare_options;
 mod law_options;
 mod report_options;
+mod timing_options;
 mod trace_options;
 mod values;
 
@@ -22,6 +23,7 @@ use crate::vcan::VcanArgs;
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind};
 pub use report_options::ReportArgs;
+pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
     DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs, Side,
 };
@@ -113,8 +115,12 @@ pub struct RehearseArgs {
     /// V2V delay LO-HI in milliseconds, or none.
     #[arg(long, value_name = "LO-HI|none", value_parser = parse_delay)]
     pub v2v_delay: Option<V2vDelay>,
+    /// How deadlines are kept and judged.
+    #[command(flatten)]
+    pub timing: TimingArgs,
     /// What to break, and when: `KIND@TIME[+DURATION][:key=value,...]`, for example
-    /// kill-ecu@20:truck=2 or pause-ecu@30+0.5:truck=1. May be given more than once.
+    /// kill-ecu@20:truck=2, pause-ecu@30+0.5:truck=1 or stall@5+0.003:truck=1,every=1000 (the law
+    /// computes 3 ms longer in one tick of 1000). May be given more than once.
     #[arg(long, value_name = "SPEC")]
     pub fault: Vec<Fault>,
     /// Let python-can, SavvyCAN and other socketcand clients attach over TCP, on this machine only
@@ -248,9 +254,15 @@ pub struct ControllerArgs {
     /// CPU to run on.
     #[arg(long, value_name = "CPU")]
     pub cpu: Option<usize>,
+    /// What is done about ticks that come too late.
+    #[command(flatten)]
+    pub overrun: OverrunArgs,
     /// Started by another process of this program, which listens and supervises.
     #[arg(long, hide = true)]
     pub supervised: bool,
+    /// What such a process is told.
+    #[command(flatten)]
+    pub told: SupervisedArgs,
 }
 
 /// Options of `bench`.
@@ -280,9 +292,15 @@ pub struct BenchArgs {
     /// CPU to run on.
     #[arg(long, value_name = "CPU")]
     pub cpu: Option<usize>,
+    /// What is done about ticks that come too late.
+    #[command(flatten)]
+    pub overrun: OverrunArgs,
     /// Started by another process of this program, which listens and supervises.
     #[arg(long, hide = true)]
     pub supervised: bool,
+    /// What such a process is told.
+    #[command(flatten)]
+    pub told: SupervisedArgs,
     /// What rehearse and bench share.
     #[command(flatten)]
     pub run: RunArgs,

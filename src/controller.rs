@@ -15,6 +15,8 @@ use crate::failure::Failure;
 use crate::gain::{self, Settled};
 use crate::process;
 use crate::run_folder::RunFolder;
+use crate::stall::stalling;
+use crate::witness::HostWitness;
 
 /// Runs the ECU until its mission ends, its rig falls silent, or somebody stops it.
 ///
@@ -37,7 +39,8 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     }
     let Settled { calibration, gain_id, note } =
         gain::settled(calibration, &args.law_options, trucks)?;
-    let controller = calibration::controller(calibration, args.law_options.solver);
+    let law = calibration::controller(calibration, args.law_options.solver);
+    let controller = stalling(law, &args.told.fault, args.truck);
     let folder = RunFolder::open(&args.out)?;
     let source = Source::Ecu(args.truck);
     let interfaces = vec![bus.name().to_owned()];
@@ -61,17 +64,20 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
         vehicle: calibration::vehicle(&calibration),
         realtime: Some(process::as_reported(&obtained)),
         without_emergency_braking: args.law_options.no_emergency_braking,
+        overruns: args.overrun.overruns(),
     };
-    let ecu = Ecu::new(config, bus, controller, Some(recorder));
+    let witness = HostWitness::of_this_thread(&obtained.cpus, args.told.pauses.as_deref());
+    let ecu = Ecu::new(config, bus, controller, Some(recorder)).witnessed_by(Box::new(witness));
     let report = controller_rt::run(ecu, &HostClock::default(), &stop);
     process::write_json(&folder.process_report(&source.to_string()), &report)?;
     if !args.supervised {
         anstream::eprintln!(
-            "ECU {}: {} ticks, {} late, {} skipped; recording and report in {}",
+            "ECU {}: {} ticks, {} late, {} skipped ({}); recording and report in {}",
             args.truck,
             report.ticks,
             report.misses,
             report.skipped,
+            report.on_overrun,
             folder.path().display()
         );
     }

@@ -9,6 +9,8 @@ pub const EXIT_PASSED: u8 = 0;
 pub const EXIT_FAILED: u8 = 1;
 /// The command line or a file makes no sense.
 pub const EXIT_USAGE: u8 = 2;
+/// The deadlines cannot be judged, because the machine itself was too late.
+pub const EXIT_INCONCLUSIVE: u8 = 4;
 /// The run could not start.
 pub const EXIT_CANNOT_START: u8 = 3;
 

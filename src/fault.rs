@@ -3,6 +3,9 @@
 use std::fmt;
 use std::str::FromStr;
 
+/// Ticks between two stalls when nothing is said.
+const STALL_EVERY: u32 = 1000;
+
 /// One fault.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fault {
@@ -24,6 +27,13 @@ pub enum FaultKind {
         /// For how long \[s\].
         duration_s: f64,
     },
+    /// The ECU's law computes for longer, in one tick of so many. It keeps the CPU meanwhile.
+    Stall {
+        /// By how much longer \[s\].
+        duration_s: f64,
+        /// One tick of so many.
+        every: u32,
+    },
 }
 
 impl Fault {
@@ -32,6 +42,7 @@ impl Fault {
         let over = match self.kind {
             FaultKind::KillEcu => f64::INFINITY,
             FaultKind::PauseEcu { duration_s } => self.at_s + duration_s,
+            FaultKind::Stall { .. } => return false,
         };
         self.truck == truck && (self.at_s..over).contains(&time_s)
     }
@@ -50,15 +61,21 @@ impl FromStr for Fault {
             None => (time, None),
         };
         let at_s = seconds(at)?;
-        let kind = match (kind, duration) {
+        let mut kind = match (kind, duration) {
             ("kill-ecu", None) => FaultKind::KillEcu,
             ("kill-ecu", Some(_)) => return Err("kill-ecu has no duration; leave out +...".into()),
             ("pause-ecu", Some(duration)) => FaultKind::PauseEcu { duration_s: seconds(duration)? },
             ("pause-ecu", None) => {
                 return Err("pause-ecu needs a duration: pause-ecu@20+0.5:truck=2".into());
             }
+            ("stall", Some(duration)) => {
+                FaultKind::Stall { duration_s: seconds(duration)?, every: STALL_EVERY }
+            }
+            ("stall", None) => {
+                return Err("stall needs a duration: stall@5+0.003:truck=2,every=1000".into());
+            }
             (other, _) => {
-                return Err(format!("no fault {other:?}; there are kill-ecu and pause-ecu"));
+                return Err(format!("no fault {other:?}; there are kill-ecu, pause-ecu, stall"));
             }
         };
         let mut truck = None;
@@ -67,7 +84,14 @@ impl FromStr for Fault {
                 Some(("truck", n)) => {
                     truck = Some(n.parse().map_err(|_| format!("truck={n} is no truck number"))?);
                 }
-                _ => return Err(format!("no option {option:?}; the one there is is truck=N")),
+                Some(("every", n)) => match (&mut kind, n.parse()) {
+                    (FaultKind::Stall { every, .. }, Ok(ticks @ 1..)) => *every = ticks,
+                    (FaultKind::Stall { .. }, _) => {
+                        return Err(format!("every={n} is no number of ticks from 1 on"));
+                    }
+                    _ => return Err("every=N is an option of stall only".into()),
+                },
+                _ => return Err(format!("no option {option:?}; there are truck=N and every=N")),
             }
         }
         let truck = truck.ok_or("say which truck: kill-ecu@20:truck=2")?;
@@ -81,6 +105,10 @@ impl fmt::Display for Fault {
             FaultKind::KillEcu => write!(f, "kill-ecu@{}:truck={}", self.at_s, self.truck),
             FaultKind::PauseEcu { duration_s } => {
                 write!(f, "pause-ecu@{}+{duration_s}:truck={}", self.at_s, self.truck)
+            }
+            FaultKind::Stall { duration_s, every } => {
+                let Self { at_s, truck, .. } = self;
+                write!(f, "stall@{at_s}+{duration_s}:truck={truck},every={every}")
             }
         }
     }
@@ -104,6 +132,10 @@ mod tests {
         assert!(kill.stops(2, 1e6) && !kill.stops(2, 19.9) && !kill.stops(1, 30.0));
         let pause: Fault = "pause-ecu@1.5+0.25:truck=0".parse().expect("well formed");
         assert!(pause.stops(0, 1.6) && !pause.stops(0, 1.75));
+        let stall: Fault = "stall@2+0.003:truck=1,every=500".parse().expect("well formed");
+        assert_eq!(stall.kind, FaultKind::Stall { duration_s: 0.003, every: 500 });
+        assert_eq!(stall.to_string().parse(), Ok(stall));
+        assert!(!stall.stops(1, 3.0), "it goes on ticking");
     }
 
     #[test]
@@ -118,6 +150,9 @@ mod tests {
             "kill-ecu@1+2:truck=1",
             "pause-ecu@1:truck=1",
             "melt@1:truck=1",
+            "stall@1:truck=1",
+            "stall@1+0.1:truck=1,every=0",
+            "kill-ecu@1:truck=1,every=5",
             "kill-ecu@1:truck=x",
             "kill-ecu@1:trcuk=1",
         ] {

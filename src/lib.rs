@@ -17,6 +17,7 @@ mod cli;
 mod clock;
 mod compare;
 mod controller;
+mod cpu_plan;
 mod diff;
 mod export;
 mod extract;
@@ -34,10 +35,12 @@ mod replay;
 mod report;
 mod run_folder;
 mod scenarios;
+mod stall;
 pub mod summary;
 mod timing;
 mod trace;
 mod vcan;
+mod witness;
 
 use std::process::ExitCode;
 

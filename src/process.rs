@@ -71,6 +71,7 @@ pub fn as_reported(obtained: &Obtained) -> Realtime {
         priority: obtained.priority.into(),
         cpus: obtained.cpus.clone(),
         mlock: obtained.mlock,
+        cpu_latency_held: obtained.cpu_latency.is_some(),
     }
 }
 

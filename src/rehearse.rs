@@ -1,5 +1,6 @@
 //! `platoon rehearse`: rig and ECUs together, judged at the end.
 
+mod floors;
 mod profile_cost;
 mod real_time;
 mod trace;
@@ -13,7 +14,6 @@ use bench_sim::rig::RunReport;
 use bench_sim::{Results, Scenario};
 use controller_rt::Report;
 use law::Calibration;
-use vcan_setup::floor::Floor;
 use vcan_setup::realtime::environment;
 
 use crate::bench::load_scenario;
@@ -21,6 +21,7 @@ use crate::bus::BusChoice;
 use crate::calibration;
 use crate::cli::{BusKind, BusTimingKind, EcuChoice, RehearseArgs, Word};
 use crate::failure::Failure;
+use crate::fault::{Fault, FaultKind};
 use crate::gain::{self, Settled};
 use crate::gateway::Gateway;
 use crate::process;
@@ -28,6 +29,7 @@ use crate::report;
 use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
 
+pub use floors::Floors;
 pub use profile_cost::{ProfileCost, TruckCost};
 use virtual_time::Experiment;
 
@@ -49,7 +51,7 @@ struct Outcome {
     results: Option<Results>,
     rig_pace: Option<RunReport>,
     ecus: Vec<Report>,
-    floor: Option<Floor>,
+    floor: Option<Floors>,
     notes: Vec<String>,
     interrupted: bool,
 }
@@ -86,6 +88,20 @@ impl<'a> Plan<'a> {
                 "--socketcand: the bus of a run in virtual time lives inside one process, nobody \
                  can join it; leave out --virtual-time (and --bus loopback), or --socketcand",
             ));
+        }
+        let stalls = |fault: &Fault| matches!(fault.kind, FaultKind::Stall { .. });
+        if let Some(fault) = args.fault.iter().find(|fault| stalls(fault) && is_virtual(args)) {
+            return Err(Failure::usage(format!(
+                "--fault {fault}: thinking takes no time in virtual time; leave out \
+                 --virtual-time (and --bus loopback), or the stall"
+            )));
+        }
+        if let Some(cpu) = args.timing.cpus.missing(&environment().online_cpus) {
+            return Err(Failure::usage(format!(
+                "--cpus {}: CPU {cpu} is not online; online are {:?}",
+                args.timing.cpus,
+                environment().online_cpus
+            )));
         }
         if let Some(path) = &args.json {
             process::check_parent("--json", path)?;
@@ -130,7 +146,7 @@ impl<'a> Plan<'a> {
     }
 
     fn is_virtual(&self) -> bool {
-        self.args.virtual_time || self.args.bus == BusKind::Loopback
+        is_virtual(self.args)
     }
 
     /// Whether frames take the time of a real bus.
@@ -186,7 +202,13 @@ impl<'a> Plan<'a> {
         outcome.notes.extend(self.gain_note.clone());
         let elapsed_s = began.elapsed().as_secs_f64();
         anstream::eprintln!("merging the recordings into {}", folder.trace().display());
-        let mut files = Files { report: Some(folder.report().display().to_string()), mcap: None };
+        let mut files =
+            Files { report: Some(folder.report().display().to_string()), ..Files::default() };
+        if let Some(floors) = &outcome.floor {
+            let path = folder.floor();
+            process::write_json(&path, &floors::cyclictest_json(&floors.beside))?;
+            files.floor = Some(path.display().to_string());
+        }
         match trace::merge(self, folder, bus, &outcome) {
             Ok(notes) => {
                 files.mcap = Some(folder.trace().display().to_string());
@@ -216,6 +238,8 @@ impl<'a> Plan<'a> {
             rig_pace: outcome.rig_pace,
             ecus: outcome.ecus,
             floor: outcome.floor.as_ref(),
+            grace_s: self.args.timing.overrun.startup_grace_s,
+            cpu_plan: self.args.timing.cpus.to_string(),
             bus: (bus.backend().into(), bus.reason.clone(), bus.interfaces(self.trucks())),
             profile: self.args.run.profile,
             announces: self.calibration.structure.announces(),
@@ -228,6 +252,9 @@ impl<'a> Plan<'a> {
         });
         summary.files = files;
         self.publish(folder, &summary)?;
+        if self.args.timing.strict_timing {
+            return summary.timing_verdict.strictly(summary.verdict);
+        }
         Ok(summary.verdict)
     }
 
@@ -265,6 +292,11 @@ impl<'a> Plan<'a> {
             None => Ok(()),
         }
     }
+}
+
+/// Whether a run is asked for in virtual time.
+fn is_virtual(args: &RehearseArgs) -> bool {
+    args.virtual_time || args.bus == BusKind::Loopback
 }
 
 /// The machine, in words.

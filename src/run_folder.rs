@@ -71,6 +71,11 @@ impl RunFolder {
         self.path.join("report.html")
     }
 
+    /// How late the machine woke the sentinel beside the run, in cyclictest's form.
+    pub fn floor(&self) -> PathBuf {
+        self.path.join("floor.json")
+    }
+
     /// The scenario as it was run, overrides included.
     pub fn scenario(&self) -> PathBuf {
         self.path.join("scenario.toml")

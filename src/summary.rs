@@ -10,11 +10,11 @@ use bench_sim::{ChannelReport, Criterion, NodeCounts, Results, Scenario, TruckRe
 use controller_rt::{Ending, Report};
 use platoon_dbc::Profile;
 use serde::{Deserialize, Serialize};
-use vcan_setup::floor::Floor;
+use vcan_setup::floor::{Floor, Percentiles};
 
 use crate::cli::BusTimingKind;
-use crate::rehearse::ProfileCost;
-use crate::timing::{Share, TimingVerdict, judge};
+use crate::rehearse::{Floors, ProfileCost};
+use crate::timing::{self, Timing, TimingVerdict};
 
 pub use bus::{BusSummary, Observed};
 
@@ -35,6 +35,9 @@ pub struct Summary {
     pub verdict: Verdict,
     /// Whether the deadlines were met, net of the machine's own floor.
     pub timing_verdict: TimingVerdict,
+    /// What that verdict stands on; none in virtual time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub timing: Option<Timing>,
     /// The bus.
     pub bus: BusSummary,
     /// Bench time covered \[s\].
@@ -89,6 +92,25 @@ pub struct MachineFloor {
     pub max: f64,
     /// Share of wake-ups more than half a loop period late.
     pub late_share: f64,
+    /// The same before the run began.
+    #[serde(default)]
+    pub before: Option<Lateness>,
+    /// The same after it.
+    #[serde(default)]
+    pub after: Option<Lateness>,
+}
+
+/// How late the machine woke a thread, without the run \[µs\].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Lateness {
+    /// Half of all wake-ups.
+    pub p50: f64,
+    /// 99 % of them.
+    pub p99: f64,
+    /// 99.9 %.
+    pub p999: f64,
+    /// All.
+    pub max: f64,
 }
 
 /// Where a run's files are.
@@ -98,6 +120,9 @@ pub struct Files {
     pub mcap: Option<String>,
     /// The page for people.
     pub report: Option<String>,
+    /// The machine's floor beside the run as cyclictest writes it; absent in virtual time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub floor: Option<String>,
 }
 
 /// Everything a summary is made of.
@@ -117,7 +142,11 @@ pub struct Ingredients<'a> {
     /// The ECUs' reports.
     pub ecus: Vec<Report>,
     /// The machine's floor and the number of wake-ups it stands on; none in virtual time.
-    pub floor: Option<&'a Floor>,
+    pub floor: Option<&'a Floors>,
+    /// Startup grace \[s\].
+    pub grace_s: f64,
+    /// Which CPUs rig and ECUs were kept on.
+    pub cpu_plan: String,
     /// Backend, reason and interfaces.
     pub bus: (String, String, Vec<String>),
     /// How it carried messages.
@@ -158,6 +187,9 @@ impl Summary {
         let complete = !run.interrupted && missing == 0 && !results.trucks.is_empty();
         let passed = complete && criteria.iter().all(|criterion| criterion.passed);
         let period_ns = 1_000_000_000 / u64::from(run.rate_hz.max(1));
+        let judged = run.floor.map(|floors| {
+            Timing::new(&run.ecus, &floors.beside, period_ns, (run.grace_s, run.cpu_plan))
+        });
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
             scenario: run.scenario.name.clone(),
@@ -165,13 +197,14 @@ impl Summary {
             rate_hz: run.rate_hz,
             solver: run.solver,
             verdict: if passed { Verdict::Pass } else { Verdict::Fail },
-            timing_verdict: timing(&run.ecus, run.floor, period_ns),
+            timing_verdict: judged.as_ref().map_or(TimingVerdict::Virtual, |t| t.verdict),
+            timing: judged,
             bus,
             duration_s: results.duration_s,
             elapsed_s: run.elapsed_s,
             trucks: results.trucks,
             ecus: run.ecus,
-            machine_floor_us: run.floor.map(|floor| MachineFloor::new(floor, period_ns)),
+            machine_floor_us: run.floor.map(|floors| MachineFloor::new(floors, period_ns)),
             nodes: results.nodes,
             rig_pace: run.rig_pace,
             v2v: results.v2v,
@@ -190,35 +223,26 @@ impl Summary {
 }
 
 impl MachineFloor {
-    fn new(floor: &Floor, period_ns: u64) -> Self {
-        let percentiles = floor.percentiles();
-        let late = late_wakeups(floor, period_ns);
+    fn new(floors: &Floors, period_ns: u64) -> Self {
+        let Percentiles { p50_us, p99_us, p999_us, max_us } = floors.beside.percentiles();
+        let late = timing::late_wakeups(&floors.beside, period_ns);
         Self {
-            p50: percentiles.p50_us,
-            p99: percentiles.p99_us,
-            p999: percentiles.p999_us,
-            max: percentiles.max_us,
-            late_share: late.events as f64 / late.trials.max(1) as f64,
+            p50: p50_us,
+            p99: p99_us,
+            p999: p999_us,
+            max: max_us,
+            late_share: late.share(),
+            before: Some(Lateness::new(&floors.before)),
+            after: Some(Lateness::new(&floors.after)),
         }
     }
 }
 
-/// Wake-ups of the bare machine that would have cost a tick half its period.
-fn late_wakeups(floor: &Floor, period_ns: u64) -> Share {
-    let lateness = floor.lateness_ns();
-    let punctual = lateness.count_between(0, period_ns / 2);
-    Share { events: lateness.len().saturating_sub(punctual), trials: lateness.len() }
-}
-
-fn timing(ecus: &[Report], floor: Option<&Floor>, period_ns: u64) -> TimingVerdict {
-    let Some(floor) = floor else {
-        return TimingVerdict::Virtual;
-    };
-    let ticks = ecus.iter().fold(Share::default(), |sum, ecu| Share {
-        events: sum.events + ecu.misses + ecu.skipped,
-        trials: sum.trials + ecu.ticks + ecu.skipped,
-    });
-    judge(ticks, late_wakeups(floor, period_ns))
+impl Lateness {
+    fn new(floor: &Floor) -> Self {
+        let Percentiles { p50_us, p99_us, p999_us, max_us } = floor.percentiles();
+        Self { p50: p50_us, p99: p99_us, p999: p999_us, max: max_us }
+    }
 }
 
 /// The criteria the rig cannot see: what the ECUs count.
@@ -245,6 +269,9 @@ fn complaints(ecu: &Report) -> Vec<String> {
         Ending::MissionEnded => (),
         Ending::Stopped => notes.push(format!("ECU {truck} was stopped before the end")),
         Ending::RigSilent => notes.push(format!("ECU {truck} ended because the rig fell silent")),
+        Ending::Overrun => {
+            notes.push(format!("ECU {truck} gave up: more slots lost than --max-overloads allows"));
+        }
     }
     if ecu.dropped_records > 0 {
         notes.push(format!("ECU {truck}: {} records dropped", ecu.dropped_records));

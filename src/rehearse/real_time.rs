@@ -6,21 +6,23 @@ use std::path::Path;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
+use controller_rt::Ending;
 use rustix::process::{Pid, Signal, kill_process};
 use tokio::io::{AsyncBufReadExt, BufReader, Lines};
 use tokio::process::{ChildStdout, Command};
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep, sleep_until, timeout};
-use vcan_setup::floor::{FloorOptions, Sentinel};
+use vcan_setup::floor::{self, Floor, FloorOptions, Sentinel};
+use vcan_setup::pauses::PauseLog;
 use vcan_setup::realtime::environment;
 
-use super::{Outcome, Plan};
+use super::{Floors, Outcome, Plan};
 use crate::bench::{ProgressMessage, RigReport};
 use crate::bus::BusChoice;
 use crate::cli::{EcuChoice, Word};
 use crate::failure::Failure;
-use crate::fault::FaultKind;
+use crate::fault::{Fault, FaultKind};
 use crate::gateway::{Buses, Gateway};
 use crate::process;
 use crate::progress::ProgressLine;
@@ -28,6 +30,10 @@ use crate::run_folder::RunFolder;
 
 /// How long processes may take to end by themselves once they should.
 const GRACE: Duration = Duration::from_secs(5);
+/// How long the machine's floor is measured before the run and again after it, as a share of the
+/// run, and at most \[s\].
+const ALONE_SHARE: f64 = 0.05;
+const ALONE_S_MAX: f64 = 2.0;
 /// How far ahead of a fault its timer is set \[s\]: more than the time between two progress lines.
 const FAULT_LEAD_S: f64 = 0.5;
 
@@ -46,10 +52,16 @@ pub(super) fn run(
         .enable_all()
         .build()
         .map_err(|error| Failure::cannot_start(format!("cannot supervise processes: {error}")))?;
-    let sentinel = start_sentinel(plan)?;
-    let outcome = runtime.block_on(supervise(plan, folder, bus, &line));
+    let alone = Duration::from_secs_f64((ALONE_SHARE * plan.scenario.duration_s).min(ALONE_S_MAX));
+    let before = measure_floor(plan, alone)?;
+    let pauses = PauseLog::new()
+        .map_err(|error| Failure::cannot_start(format!("cannot log pauses: {error}")))?;
+    let sentinel = Sentinel::start_noting(&sentinel_options(plan), Some(&pauses))
+        .map_err(Failure::cannot_start)?;
+    let outcome = runtime.block_on(supervise(plan, folder, bus, &line, &pauses.path()));
     line.clear();
-    let floor = Some(sentinel.stop());
+    let beside = sentinel.stop();
+    let floor = Some(Floors { before, beside, after: measure_floor(plan, alone)? });
     let served = gateway.map(|gateway| {
         let lost = "socketcand: the gateway ended before the run".to_owned();
         gateway.finish().map_or(lost, |report| report.to_string())
@@ -70,16 +82,20 @@ pub(super) fn start_gateway(plan: &Plan<'_>, bus: &BusChoice) -> Result<Option<G
     Gateway::start(place, buses).map(Some)
 }
 
-/// Measures, beside the run, how late this machine wakes a thread that does nothing else.
+/// How the sentinel measures how late this machine wakes a thread that does nothing else.
 ///
 /// It outranks the processes under test, so that none of them can make it late.
-fn start_sentinel(plan: &Plan<'_>) -> Result<Sentinel, Failure> {
-    let options = FloorOptions {
+fn sentinel_options(plan: &Plan<'_>) -> FloorOptions {
+    FloorOptions {
         cpus: environment().online_cpus,
         period_ns: 1_000_000_000 / u64::from(plan.rate_hz),
         priority: Some(process::RIG_PRIORITY + 1),
-    };
-    Sentinel::start(&options).map_err(Failure::cannot_start)
+    }
+}
+
+/// The machine's floor while nothing of the run is there.
+fn measure_floor(plan: &Plan<'_>, duration: Duration) -> Result<Floor, Failure> {
+    floor::measure(&sentinel_options(plan), duration).map_err(Failure::cannot_start)
 }
 
 /// One process of the run.
@@ -166,11 +182,13 @@ async fn supervise(
     folder: &RunFolder,
     bus: &BusChoice,
     line: &ProgressLine,
+    pauses: &Path,
 ) -> Result<Outcome, Failure> {
     let signals = Signals::listen()?;
     let mut crew = Crew::new();
-    let cpus = environment().online_cpus;
-    let arguments = rig_arguments(plan, folder, bus, cpus.first().copied());
+    let (plan_of_cpus, cpus) = (&plan.args.timing.cpus, environment().online_cpus);
+    let mut arguments = rig_arguments(plan, folder, bus, plan_of_cpus.of_rig(&cpus));
+    arguments.extend(["--pauses".into(), path_word(pauses)]);
     let output = crew.start(folder, (process::rig_name(), None), &arguments)?;
     let mut lines = output.map(|output| BufReader::new(output).lines());
     // The rig says its first word when it hears its buses. It records them, so no ECU may speak
@@ -178,12 +196,14 @@ async fn supervise(
     let first_word = timeout(GRACE, next_line(&mut lines)).await;
     if !matches!(first_word, Ok(None)) {
         for truck in separate_ecus(plan) {
-            let arguments = ecu_arguments(plan, folder, bus, truck, cpu_of_ecu(&cpus, truck));
+            let cpu = plan_of_cpus.of_ecu(&cpus, truck);
+            let mut arguments = ecu_arguments(plan, folder, bus, truck, cpu);
+            arguments.extend(["--pauses".into(), path_word(pauses)]);
             crew.start(folder, (process::ecu_name(truck), Some(truck)), &arguments)?;
         }
     }
     let mut outcome = Outcome::default();
-    follow(plan, &mut crew, (signals, lines), line, &mut outcome).await;
+    follow((plan, folder), &mut crew, (signals, lines), line, &mut outcome).await;
     collect(plan, folder, &mut outcome)?;
     Ok(outcome)
 }
@@ -207,7 +227,7 @@ impl Signals {
 
 /// Watches until every process has ended.
 async fn follow(
-    plan: &Plan<'_>,
+    (plan, folder): (&Plan<'_>, &RunFolder),
     crew: &mut Crew,
     (mut signals, mut lines): (Signals, Option<Lines<BufReader<ChildStdout>>>),
     line: &ProgressLine,
@@ -230,6 +250,12 @@ async fn follow(
             },
             Some(ended) = crew.ended.recv() => {
                 let over = note_end(crew, &ended, outcome);
+                if !over && deadline.is_none() && gave_up(folder, &crew.members[ended.member]) {
+                    let name = &crew.members[ended.member].name;
+                    outcome.notes.push(format!("{name} missed too many deadlines: run aborted"));
+                    outcome.interrupted = true;
+                    interrupted(crew, outcome, &mut deadline);
+                }
                 if over && deadline.is_none() {
                     deadline = Some(Instant::now() + GRACE);
                 }
@@ -246,6 +272,12 @@ async fn follow(
             }
         }
     }
+}
+
+/// Whether an ECU ended because too many deadlines were missed.
+fn gave_up(folder: &RunFolder, member: &Member) -> bool {
+    let report = member.truck.and_then(|truck| process::ecu_report(folder, truck));
+    report.is_some_and(|report| report.ending == Ending::Overrun)
 }
 
 /// Asks the rig to end; it tells the ECUs.
@@ -291,6 +323,9 @@ fn arm_faults(
         }
         *armed = true;
         outcome.notes.push(format!("fault injected: {fault}"));
+        if is_stall(fault) {
+            continue;
+        }
         let Some(pid) = crew.members.iter().find(|m| m.truck == Some(fault.truck)).map(|m| m.pid)
         else {
             outcome.notes.push(format!("truck {} has no process to break", fault.truck));
@@ -309,6 +344,7 @@ fn arm_faults(
                     sleep(Duration::from_secs_f64(duration_s)).await;
                     let _ = kill_process(pid, Signal::CONT);
                 }
+                FaultKind::Stall { .. } => (),
             }
         });
     }
@@ -383,16 +419,6 @@ fn separate_ecus<'plan>(plan: &'plan Plan<'_>) -> impl Iterator<Item = u8> + use
     })
 }
 
-/// The rig has the first CPU; ECUs take turns on the others, and with it when there are only two.
-fn cpu_of_ecu(cpus: &[usize], truck: u8) -> Option<usize> {
-    let truck = usize::from(truck);
-    match cpus {
-        [] | [_] => None,
-        [first, second] => Some(if truck % 2 == 0 { *second } else { *first }),
-        [_, others @ ..] => Some(others[truck % others.len()]),
-    }
-}
-
 fn ecu_arguments(
     plan: &Plan<'_>,
     folder: &RunFolder,
@@ -437,8 +463,16 @@ fn common_arguments(
     words.extend(["--profile".into(), plan.args.run.profile.to_string()]);
     words.extend(["--supervised".into(), "--out".into(), path_word(folder.path())]);
     words.extend(plan.args.law_options.as_arguments());
+    words.extend(plan.args.timing.overrun.as_arguments());
+    let stalls = plan.args.fault.iter().filter(|fault| is_stall(fault));
+    words.extend(stalls.flat_map(|fault| ["--fault".into(), fault.to_string()]));
     words.extend(cpu.into_iter().flat_map(|cpu| ["--cpu".into(), cpu.to_string()]));
     words
+}
+
+/// Whether a fault strikes inside an ECU's process.
+fn is_stall(fault: &Fault) -> bool {
+    matches!(fault.kind, FaultKind::Stall { .. })
 }
 
 fn path_word(path: &Path) -> String {

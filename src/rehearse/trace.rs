@@ -105,7 +105,7 @@ fn describe_privileges(outcome: &Outcome) -> BTreeMap<String, String> {
 /// Wake-up lateness of the machine beside the run; nothing in virtual time.
 fn describe_floor(outcome: &Outcome) -> BTreeMap<String, String> {
     let Some(floor) = &outcome.floor else { return BTreeMap::new() };
-    let p = floor.percentiles();
+    let p = floor.beside.percentiles();
     [("p50", p.p50_us), ("p99", p.p99_us), ("p999", p.p999_us), ("max", p.max_us)]
         .map(|(name, us)| (name.to_owned(), format!("{us:.1}")))
         .into()

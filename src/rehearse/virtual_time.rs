@@ -236,7 +236,7 @@ impl Bench {
         for (truck, place) in self.ecus.iter_mut().enumerate() {
             match stopped(faults, truck as u8, time_s) {
                 Some(FaultKind::KillEcu) => drop(place.take()),
-                Some(FaultKind::PauseEcu { .. }) => (),
+                Some(FaultKind::PauseEcu { .. } | FaultKind::Stall { .. }) => (),
                 None => {
                     if let Some(ecu) = place {
                         let slot = Slot::on_time(tick, period_ns, &self.clock);

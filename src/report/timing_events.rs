@@ -150,7 +150,7 @@ mod tests {
         for tick in 0..100u32 {
             let missed = tick == 50;
             let total_ns = if missed { 1_500_000 } else { 100_000 };
-            let miss_cause = if missed { MissCause::LmlBuild } else { MissCause::None };
+            let miss_cause = if missed { MissCause::Law } else { MissCause::None };
             ecus[0].add(&TickRecord {
                 tick,
                 missed,

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use anstyle::{AnsiColor, Style};
 use comfy_table::{CellAlignment, Table};
-use controller_rt::{Percentiles, Report};
+use controller_rt::{OnOverrun, Percentiles, Report};
 use platoon_dbc::BusTiming;
 
 use super::{Summary, Verdict};
@@ -14,7 +14,9 @@ use crate::timing::TimingVerdict;
 /// A line under the header and nothing else.
 const RULED: &str = "     ──            ";
 /// Phases of a tick in the order they happen.
-const PHASES: [&str; 7] = ["wake", "drain", "ucl", "lml_build", "qp", "guard", "send"];
+const PHASES: [&str; 8] = ["wake", "drain", "observe", "ucl", "lml_build", "qp", "guard", "send"];
+/// Misses shown.
+const GALLERY_ROWS: usize = 6;
 const GOOD: Style = AnsiColor::Green.on_default().bold();
 const BAD: Style = AnsiColor::Red.on_default().bold();
 const UNSURE: Style = AnsiColor::Yellow.on_default().bold();
@@ -30,6 +32,7 @@ pub(super) fn page(summary: &Summary) -> String {
     let _ = observed(&mut page, summary);
     let _ = profile_cost(&mut page, summary);
     let _ = timing(&mut page, summary);
+    let _ = gallery(&mut page, summary);
     let _ = rest(&mut page, summary);
     page
 }
@@ -230,6 +233,32 @@ fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
     writeln!(page, "timing {style}{words}{style:#}")
 }
 
+/// The worst misses of all ECUs, with where their time went.
+fn gallery(page: &mut String, summary: &Summary) -> std::fmt::Result {
+    let misses = summary
+        .ecus
+        .iter()
+        .flat_map(|ecu| ecu.worst_misses.iter().map(move |miss| (ecu.truck, miss)));
+    let mut worst: Vec<_> = misses.collect();
+    worst.sort_by(|(_, a), (_, b)| b.late_us.total_cmp(&a.late_us));
+    if worst.is_empty() {
+        return Ok(());
+    }
+    let mut table = new_table(&["ECU", "at s", "late by µs", "cause", "ended after due, µs"]);
+    for (truck, miss) in worst.into_iter().take(GALLERY_ROWS) {
+        let ends: Vec<String> =
+            miss.timeline_us.iter().map(|(phase, us)| format!("{phase} {us:.0}")).collect();
+        table.add_row([
+            truck.to_string(),
+            format!("{:.3}", miss.time_s),
+            micro(miss.late_us),
+            miss.cause.clone(),
+            ends.join(", "),
+        ]);
+    }
+    section(page, "Worst misses", &table)
+}
+
 /// The ECU whose median tick is longest.
 fn slowest(ecus: &[Report]) -> Option<&Report> {
     let median = |ecu: &Report| ecu.phase_us.get("total").map_or(0.0, |total| total.p50);
@@ -252,14 +281,18 @@ fn ecu_line(ecu: &Report, is_virtual: bool) -> String {
     if is_virtual {
         return line;
     }
-    let causes: Vec<String> = ecu
-        .miss_causes
-        .iter()
-        .filter(|&(_, &count)| count > 0)
-        .map(|(cause, count)| format!("{cause} {count}"))
-        .collect();
-    if !causes.is_empty() {
-        line += &format!("; late by {}", causes.join(", "));
+    for (what, causes) in [("late", &ecu.miss_causes), ("skipped", &ecu.skip_causes)] {
+        let causes: Vec<String> =
+            causes.iter().map(|(cause, count)| format!("{cause} {count}")).collect();
+        if !causes.is_empty() {
+            line += &format!("; {what} by {}", causes.join(", "));
+        }
+    }
+    if ecu.on_overrun != OnOverrun::Skip {
+        line += &format!("; on overrun: {}, {} commands held", ecu.on_overrun, ecu.held_ticks);
+    }
+    if let Some(thread) = ecu.thread.filter(|t| t.minor_faults + t.major_faults > 0) {
+        line += &format!("; {} page faults", thread.minor_faults + thread.major_faults);
     }
     match &ecu.realtime {
         Some(rt) if rt.policy.contains("FIFO") || rt.policy.contains("fifo") => line,

@@ -17,6 +17,7 @@ use std::time::Duration;
 use hdrhistogram::Histogram;
 
 use crate::clock::MonotonicClock;
+use crate::pauses::{PauseLog, PauseWriter};
 use crate::realtime::{self, Policy, Refusal, Request};
 
 /// Shortest period \[ns\] accepted; below it the sentinel would load the machine it measures.
@@ -28,6 +29,8 @@ const DIGITS: u8 = 3;
 /// Grid points of one pause recorded one by one; the rest of a longer pause (a suspended machine)
 /// counts at the lateness of the last of these, an upper bound for each of them.
 const SLEPT_THROUGH_EACH_MAX: u64 = 1_000_000;
+/// Lateness \[ns\] from which a wake-up counts as a pause of the machine.
+const PAUSE_NS_MIN: u64 = 150_000;
 /// Nanoseconds in a microsecond.
 const NS_PER_US: f64 = 1e3;
 
@@ -163,6 +166,20 @@ impl Sentinel {
     /// # Errors
     /// [`FloorError`] when the options make no sense or a thread cannot be started.
     pub fn start(options: &FloorOptions) -> Result<Self, FloorError> {
+        Self::start_noting(options, None)
+    }
+
+    /// The same, noting every pause of the machine in a log that others read.
+    ///
+    /// Only a thread with real-time priority notes any: another one may have been late because
+    /// somebody else ran.
+    ///
+    /// # Errors
+    /// As [`start`](Self::start).
+    pub fn start_noting(
+        options: &FloorOptions,
+        log: Option<&PauseLog>,
+    ) -> Result<Self, FloorError> {
         if options.cpus.is_empty() {
             return Err(FloorError::NoCpus);
         }
@@ -175,9 +192,11 @@ impl Sentinel {
             let request =
                 Request { priority: options.priority, cpus: vec![cpu], ..Request::default() };
             let period_ns = options.period_ns;
+            let pauses = log.map(|log| log.writer(cpu)).transpose();
+            let pauses = pauses.map_err(|error| FloorError::Thread { cpu, error })?;
             let thread = std::thread::Builder::new()
                 .name(format!("floor-{cpu}"))
-                .spawn(move || watch(cpu, &request, period_ns, &stop))
+                .spawn(move || watch(cpu, &request, period_ns, pauses, &stop))
                 .map_err(|error| FloorError::Thread { cpu, error })?;
             sentinel.threads.push(thread);
         }
@@ -204,14 +223,27 @@ impl Drop for Sentinel {
 }
 
 /// The thread on one CPU: sleep until the next grid point, note the lateness, until told to stop.
-fn watch(cpu: usize, request: &Request, period_ns: u64, stop: &AtomicBool) -> CpuFloor {
+fn watch(
+    cpu: usize,
+    request: &Request,
+    period_ns: u64,
+    pauses: Option<PauseWriter>,
+    stop: &AtomicBool,
+) -> CpuFloor {
     let mut grid = Grid::new(period_ns);
     let obtained = realtime::acquire(request);
+    let mut pauses = pauses.filter(|_| obtained.policy == Policy::Fifo);
     let clock = MonotonicClock;
     let mut due_ns = clock.now_ns() + period_ns;
     while !stop.load(Ordering::Relaxed) {
         clock.sleep_until_ns(due_ns);
-        due_ns = grid.woke(due_ns, clock.now_ns());
+        let now_ns = clock.now_ns();
+        if now_ns >= due_ns + PAUSE_NS_MIN
+            && let Some(pauses) = &mut pauses
+        {
+            pauses.note(due_ns, now_ns);
+        }
+        due_ns = grid.woke(due_ns, now_ns);
     }
     CpuFloor {
         cpu,

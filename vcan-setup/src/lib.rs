@@ -7,6 +7,7 @@
 //! - [`realtime`] asks for SCHED_FIFO, locked memory and CPU affinity, and reports what the kernel
 //!   really granted; [`realtime::environment`] describes the machine for the run's metadata.
 //! - [`floor`] measures how late the bare machine wakes a thread, before a run or beside one.
+//! - [`account`] is what the kernel knows about a thread, [`pauses`] what a sentinel tells others.
 //! - [`host`] knows which command mends what on which distribution.
 //! - [`kernel`] boots a kernel that has CAN, as an ordinary process, and runs a command in it.
 //! - [`clock`] is CLOCK_MONOTONIC with absolute sleeps.
@@ -23,6 +24,7 @@
 //! }
 //! ```
 
+pub mod account;
 pub mod can;
 pub mod check;
 pub mod clock;
@@ -30,5 +32,6 @@ pub mod floor;
 pub mod host;
 pub mod kernel;
 mod link;
+pub mod pauses;
 pub mod realtime;
 mod scheduler;

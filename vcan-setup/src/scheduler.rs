@@ -1,10 +1,13 @@
 //! The scheduling calls no safe crate of ours offers, and nothing else.
 //!
-//! This is the only file of the crate with `unsafe`: the POSIX scheduler of the calling thread and
-//! glibc's heap tuning.
+//! This is the only file of the crate with `unsafe`: the POSIX scheduler of the calling thread, its
+//! use of resources, and glibc's heap tuning.
 
 use std::io;
 
+use rustix::time::{ClockId, clock_gettime};
+
+use crate::account::ThreadUsage;
 use crate::realtime::Policy;
 
 /// Puts the calling thread, and no thread or child it starts later, under SCHED_FIFO.
@@ -45,6 +48,28 @@ pub(crate) fn current() -> (Policy, u8) {
         _ => Policy::TimeSharing,
     };
     (policy, u8::try_from(priority).unwrap_or(0))
+}
+
+/// What the calling thread has used; its time without a CPU is not known here.
+#[expect(unsafe_code, reason = "getrusage of one thread has no safe wrapper")]
+pub(crate) fn thread_usage() -> io::Result<ThreadUsage> {
+    let mut usage = std::mem::MaybeUninit::<libc::rusage>::zeroed();
+    // SAFETY: `usage` is a rusage that the call may write, and outlives it; all zeros are a valid
+    // rusage, so it is initialised whether the call writes it or not.
+    let (status, usage) =
+        unsafe { (libc::getrusage(libc::RUSAGE_THREAD, usage.as_mut_ptr()), usage.assume_init()) };
+    if status != 0 {
+        return Err(io::Error::last_os_error());
+    }
+    let cpu = clock_gettime(ClockId::ThreadCPUTime);
+    Ok(ThreadUsage {
+        cpu_ns: cpu.tv_sec.unsigned_abs() * 1_000_000_000 + cpu.tv_nsec.unsigned_abs(),
+        run_delay_ns: 0,
+        minor_faults: usage.ru_minflt.unsigned_abs(),
+        major_faults: usage.ru_majflt.unsigned_abs(),
+        voluntary_switches: usage.ru_nvcsw.unsigned_abs(),
+        involuntary_switches: usage.ru_nivcsw.unsigned_abs(),
+    })
 }
 
 /// Tells glibc to keep freed heap memory mapped, so that memory once faulted in stays faulted in.
