@@ -59,7 +59,7 @@ impl TickTimes {
     pub fn add(&mut self, tick: &TickRecord) {
         let phases_ns = [
             tick.wake_ns,
-            tick.drain_ns,
+            tick.drain_ns.saturating_add(tick.observe_ns),
             tick.ucl_ns,
             tick.lml_build_ns,
             tick.qp_ns,
@@ -163,7 +163,7 @@ mod tests {
         }
         let events = gallery(&ecus);
         let told: Vec<_> = events.iter().map(|e| (e.ecu, e.tick, e.cause.as_str())).collect();
-        assert_eq!(told, [(1, 3, "none"), (0, 50, "lml_build")]);
+        assert_eq!(told, [(1, 3, "none"), (0, 50, "law")]);
         assert_eq!(events[0].around.len(), 3 + 1 + AROUND, "the run began three ticks before");
         assert_eq!(events[1].around.len(), 2 * AROUND + 1);
     }
