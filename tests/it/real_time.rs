@@ -98,7 +98,9 @@ fn a_run_leaves_its_products_and_nothing_else() {
     // A log stays when a process said something, such as a privilege it was refused.
     let mut names: Vec<String> = entries.map(name).filter(|n| !n.ends_with(".log")).collect();
     names.sort();
-    assert_eq!(names, ["law.toml", "report.html", "run.mcap", "scenario.toml", "summary.json"]);
+    let expected =
+        ["floor.json", "law.toml", "report.html", "run.mcap", "scenario.toml", "summary.json"];
+    assert_eq!(names, expected);
 }
 
 #[test]

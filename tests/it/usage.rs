@@ -10,7 +10,7 @@ use crate::bench::{self, Run};
 /// Arguments, exit code, and what the first line on standard error must name.
 type Refusal = (&'static [&'static str], i32, &'static [&'static str]);
 
-const REFUSED: [Refusal; 39] = [
+const REFUSED: [Refusal; 43] = [
     // The scenario.
     (&["nosuch"], 2, &["\"nosuch\"", "obstacle-avoidance", "TOML"]),
     (&["/dev"], 2, &["/dev", "folder"]),
@@ -46,6 +46,11 @@ const REFUSED: [Refusal; 39] = [
     (&["--fault", "kill-ecu"], 2, &["--fault", "no time", "kill-ecu@20:truck=2"]),
     (&["--fault", "pause-ecu@20:truck=1"], 2, &["--fault", "duration"]),
     (&["--fault", "melt@20:truck=1"], 2, &["melt", "kill-ecu", "pause-ecu"]),
+    (&["--fault", "stall@1+0.003:truck=1", "--virtual-time"], 2, &["stall@1", "--virtual-time"]),
+    // Deadlines.
+    (&["--cpus", "0:9999"], 2, &["--cpus 0:9999", "9999", "online"]),
+    (&["--cpus", "0"], 2, &["--cpus", "auto, any"]),
+    (&["--on-overrun", "panic"], 2, &["panic", "skip, hold, abort or queue"]),
     // The bus.
     (&["--virtual-time", "--bus", "udp"], 2, &["--virtual-time", "--bus"]),
     (&["--bus", "socketcan", "--interfaces", "nosuch"], 2, &["--interfaces", "1", "4"]),
