@@ -343,7 +343,8 @@ impl Ecu {
     /// Whether the tick's command comes too late to be sent.
     fn holds(&self, slot: &Slot, now_ns: u64) -> bool {
         let period_ns = self.picture.period_ns().unwrap_or(u64::MAX);
-        self.config.overruns.policy == OnOverrun::Hold && slot.is_over(now_ns, period_ns)
+        let holds = self.config.overruns.policy == OnOverrun::Hold;
+        slot.is_held || (holds && slot.is_over(now_ns, period_ns))
     }
 
     fn admit(&mut self, now_ns: u64, decision: Option<&Decision>, is_held: bool) -> Admitted {

@@ -31,6 +31,8 @@ pub struct Slot {
     pub overslept_ns: u64,
     /// Whether the slot has a deadline to miss; in virtual time it has none.
     pub has_deadline: bool,
+    /// Whether its command is known to be held back as too late, as that of a recorded tick is.
+    pub is_held: bool,
 }
 
 impl Slot {
@@ -58,6 +60,7 @@ impl Slot {
             overslept: 0,
             overslept_ns: 0,
             has_deadline: false,
+            is_held: false,
         }
     }
 }
@@ -122,6 +125,7 @@ impl Pacer {
             overslept: core::mem::take(&mut self.overslept),
             overslept_ns: core::mem::take(&mut self.overslept_ns),
             has_deadline: true,
+            is_held: false,
         };
         self.lock.creep(slot.skipped.saturating_add(1), self.period_ns);
         Some(slot)

@@ -61,6 +61,7 @@ impl Replica {
         let slot = Slot {
             time_ns: recorded.time_ns,
             skipped: recorded.skipped,
+            is_held: recorded.held,
             ..Slot::on_time(recorded.tick, 0, &Still)
         };
         self.ecu.tick(slot, &Still);
