@@ -104,6 +104,7 @@ pub fn run(args: &BenchArgs) -> Result<Verdict, Failure> {
     let settled = (!args.host.is_empty()).then(|| gain::settled(calibration, law, Some(trucks)));
     let settled = settled.transpose()?;
     let folder = RunFolder::open(&args.out)?;
+    process::reserve_json(&folder.process_report(&process::rig_name()))?;
     let mut hosted = Vec::new();
     let mut ends: Vec<Box<dyn Bus>> = Vec::new();
     for truck in 0..trucks as u8 {

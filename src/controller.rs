@@ -43,6 +43,7 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let controller = stalling(law, &args.told.fault, args.truck);
     let folder = RunFolder::open(&args.out)?;
     let source = Source::Ecu(args.truck);
+    process::reserve_json(&folder.process_report(&source.to_string()))?;
     let interfaces = vec![bus.name().to_owned()];
     // The recorder's thread starts first, so that it does not inherit the loop's priority.
     let recorder = process::recorder(&folder, source, Overflow::DropNewest, interfaces)?;

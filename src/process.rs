@@ -1,7 +1,8 @@
 //! What the processes of a run have in common: how they are stopped, what they write.
 
 use std::fs;
-use std::path::Path;
+use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -108,20 +109,48 @@ pub fn check_parent(option: &str, path: &Path) -> Result<(), Failure> {
     )))
 }
 
+/// Room kept for what is written at the end of a run \[bytes\]; the largest so far take a quarter.
+const JSON_ROOM: usize = 128 << 10;
+
+/// Keeps room for what [`write_json`] will write there: a recording may have filled the disk by
+/// then, and that is just when somebody wants to know how the run went.
+///
+/// # Errors
+/// When there is no room even now.
+pub fn reserve_json(path: &Path) -> Result<(), Failure> {
+    fs::write(partial(path), vec![0; JSON_ROOM]).map_err(|error| cannot_write(path, &error))
+}
+
+/// Gives back room that nothing was written into.
+pub fn release_json(path: &Path) {
+    // What cannot be removed does no harm.
+    let _ = fs::remove_file(partial(path));
+}
+
 /// Writes a value as JSON, appearing whole or not at all.
 ///
 /// # Errors
 /// When the file cannot be written.
 pub fn write_json<T: Serialize>(path: &Path, value: &T) -> Result<(), Failure> {
-    let failed = |reason: String| {
-        Failure::cannot_start(format!("cannot write {}: {reason}", path.display()))
-    };
-    let mut text = serde_json::to_string_pretty(value).map_err(|e| failed(e.to_string()))?;
+    let mut text = serde_json::to_string_pretty(value).map_err(|e| cannot_write(path, &e))?;
     text.push('\n');
-    let partial = path.with_extension("json.partial");
-    fs::write(&partial, text)
-        .and_then(|()| fs::rename(&partial, path))
-        .map_err(|e| failed(e.to_string()))
+    let write = || {
+        // Not truncated: room that was kept is not given back on a full disk.
+        let options = fs::File::options().create(true).write(true).truncate(false).to_owned();
+        let mut file = options.open(partial(path))?;
+        file.write_all(text.as_bytes())?;
+        file.set_len(text.len() as u64)?;
+        fs::rename(partial(path), path)
+    };
+    write().map_err(|error: std::io::Error| cannot_write(path, &error))
+}
+
+fn partial(path: &Path) -> PathBuf {
+    path.with_extension("json.partial")
+}
+
+fn cannot_write(path: &Path, reason: &impl std::fmt::Display) -> Failure {
+    Failure::cannot_start(format!("cannot write {}: {reason}", path.display()))
 }
 
 /// Reads what another process of this run wrote; `None` when it left nothing readable.

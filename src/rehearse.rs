@@ -274,6 +274,7 @@ impl<'a> Plan<'a> {
                 law(&calibration::of_truck(&self.calibration, &self.scenario, truck))?,
             ));
         }
+        process::reserve_json(&folder.summary())?;
         for (path, text) in files {
             fs::write(&path, text).map_err(|error| {
                 Failure::cannot_start(format!("cannot write {}: {error}", path.display()))

@@ -390,6 +390,7 @@ fn tidy_up(plan: &Plan<'_>, folder: &RunFolder) {
     for name in separate_ecus(plan).map(process::ecu_name).chain([process::rig_name()]) {
         // What cannot be removed does no harm.
         let _ = fs::remove_file(folder.process_report(&name));
+        process::release_json(&folder.process_report(&name));
         let log = folder.log(&name);
         if fs::metadata(&log).is_ok_and(|log| log.len() == 0) {
             let _ = fs::remove_file(log);

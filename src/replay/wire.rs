@@ -109,8 +109,9 @@ mod tests {
 
     use super::*;
 
-    fn record(time_ms: u64, byte: u8) -> FrameRecord {
-        let frame = Frame::new(0x123, FrameFlags::default(), &[byte]).expect("a frame");
+    fn record(time_ms: u64, says: u64) -> FrameRecord {
+        let frame = Frame::new(0x123, FrameFlags::default(), &says.to_be_bytes());
+        let frame = frame.expect("a frame");
         let tick = time_ms as u32;
         FrameRecord { bus: 0, time_ns: time_ms * 1_000_000, stamp_ns: 0, tick, tx: true, frame }
     }
@@ -119,8 +120,8 @@ mod tests {
     fn frames_are_matched_in_whatever_order_the_two_saw_them() {
         let mut wire = Wire::new(false);
         wire.consumed(&record(1, 1));
-        for byte in [0, 2, 1] {
-            wire.carried(&record(2, byte));
+        for says in [0, 2, 1] {
+            wire.carried(&record(2, says));
         }
         wire.consumed(&record(2, 2));
         assert_eq!(wire.strays(), None);
@@ -130,9 +131,9 @@ mod tests {
     fn a_changed_frame_is_found_at_its_tick() {
         let mut wire = Wire::new(false);
         for time_ms in 1..10_000 {
-            wire.carried(&record(time_ms, time_ms as u8));
-            let flipped = if time_ms == 777 { 0x80 } else { 0 };
-            wire.consumed(&record(time_ms, time_ms as u8 ^ flipped));
+            wire.carried(&record(time_ms, time_ms));
+            let flipped = if time_ms == 777 { 1 << 40 } else { 0 };
+            wire.consumed(&record(time_ms, time_ms ^ flipped));
         }
         let strays = wire.strays().expect("one was changed");
         assert_eq!((strays.frames, strays.first_tick), (1, 777));
