@@ -21,7 +21,7 @@ use crate::gain::GainArgs;
 use crate::vcan::VcanArgs;
 
 pub use compare_options::{CompareArgs, Part};
-pub use law_options::{ControllerKind, LawArgs, SolverKind};
+pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
 pub use report_options::ReportArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{

@@ -9,7 +9,7 @@ use std::path::Path;
 use certificate::{Conditions, GainFile, Plants, library};
 use law::{Calibration, CoordinationLaw, Structure};
 
-use crate::cli::LawArgs;
+use crate::cli::{LawArgs, UclKind};
 use crate::failure::Failure;
 
 use super::conditions::{find, folder, shown};
@@ -28,12 +28,12 @@ pub struct Settled {
     pub note: Option<String>,
 }
 
-/// Whether a gain is to be looked up, so that the size of the platoon matters: none is named, and
-/// the law is one that takes it from a library, or a whole folder is.
+/// Whether a gain is to be looked up, so that the size of the platoon matters: a whole folder is
+/// named, or none is and a synthesised one asked for. Otherwise it is the calibration's.
 pub fn is_looked_up(calibration: &Calibration, options: &LawArgs) -> bool {
     match &options.gain {
         Some(name) => is_folder(name),
-        None => has_gain(calibration) && calibration.ucl.law == CoordinationLaw::Synthesised,
+        None => has_gain(calibration) && options.ucl == Some(UclKind::Synthesised),
     }
 }
 
@@ -220,12 +220,19 @@ mod tests {
     }
 
     #[test]
-    fn the_published_gain_is_admitted_for_the_loop_it_really_drives() {
+    fn the_default_gain_is_admitted_for_the_loop_it_drives() {
         let settled = settle(&[], |_| ()).expect("certified");
-        assert_eq!(settled.gain_id, 1);
+        let note = settled.note.expect("it has a gain");
+        assert!(note.contains("loop") && note.contains("any number"), "{note}");
+        assert_eq!(settled.calibration, Calibration::default());
+    }
+
+    #[test]
+    fn the_published_gain_is_admitted_for_the_loop_it_really_drives() {
+        let settled = settle(&["--ucl", "published"], |_| ()).expect("certified");
+        assert_eq!((settled.gain_id, settled.calibration.ucl.k1[0]), (1, 2.156));
         let note = settled.note.expect("it has a gain");
         assert!(note.contains("published-loop") && note.contains("any number"), "{note}");
-        assert_eq!(settled.calibration, Calibration::default());
     }
 
     #[test]

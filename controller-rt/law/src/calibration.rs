@@ -92,12 +92,13 @@ pub enum DelayReading {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 #[serde(rename_all = "kebab-case")]
 pub enum CoordinationLaw {
-    /// The paper's H-infinity gain [MCF, Eq. 4].
-    #[default]
+    /// The paper's H-infinity law with its own gain, [`UclCalibration::PUBLISHED_K1`] and
+    /// [`UclCalibration::PUBLISHED_K2`] [MCF, Eq. 4].
     Published,
     /// The same, with the leader's acceleration fed forward.
     Feedforward,
-    /// A gain of ours in the place of the paper's.
+    /// The paper's law with a gain designed for what it drives here.
+    #[default]
     Synthesised,
     /// The constant-spacing law of the PATH platoons.
     CaccPath,
@@ -115,9 +116,9 @@ pub enum CoordinationLaw {
 pub struct UclCalibration {
     /// Which law coordinates.
     pub law: CoordinationLaw,
-    /// K̄₁ \[1/s², 1/s, 1\] on the own error state [MCF, Table II].
+    /// K̄₁ \[1/s², 1/s, 1\] on the own error state [MCF, Eq. 4].
     pub k1: [f64; 3],
-    /// K̄₂ \[1/s², 1/s, 1\] on the predecessor's error state [MCF, Table II].
+    /// K̄₂ \[1/s², 1/s, 1\] on the predecessor's error state [MCF, Eq. 4].
     pub k2: [f64; 3],
     /// Lag tau \[s\] of what the gain drives, motion layer and truck together, as `platoon
     /// identify` finds it; the gain's certificate must be for it. Ours: the paper does not print
@@ -144,6 +145,10 @@ pub struct UclCalibration {
 }
 
 impl UclCalibration {
+    /// The paper's K̄₁ \[1/s², 1/s, 1\] [MCF, Table II].
+    pub const PUBLISHED_K1: [f64; 3] = [2.156, 3.175, 0.998];
+    /// The paper's K̄₂ \[1/s², 1/s, 1\] [MCF, Table II].
+    pub const PUBLISHED_K2: [f64; 3] = [0.306, 0.239, 0.065];
     /// How far from `lag_s` the lag of any plant and loop rate from 50 Hz to 500 Hz lies, relative:
     /// `docs/identification.md` has the table.
     pub const LAG_SPREAD: f64 = 0.08;
@@ -306,16 +311,17 @@ impl Default for TruckBelief {
 impl Default for UclCalibration {
     fn default() -> Self {
         Self {
-            law: CoordinationLaw::Published,
-            k1: [2.156, 3.175, 0.998],
-            k2: [0.306, 0.239, 0.065],
+            law: CoordinationLaw::Synthesised,
+            k1: [2.8, 3.8, 0.9],
+            k2: [0.0; 3],
             lag_s: 0.27,
             gain_per_lead_s: 0.805,
             delay_reading: DelayReading::Eq4,
             delay_bound_s: 0.25,
-            lead_time_s: 1.5,
-            accel_min_mps2: -6.0,
-            accel_max_mps2: 2.5,
+            // Unity gain: the truck does what the law commands, and the limits are the actuators'.
+            lead_time_s: 1.22,
+            accel_min_mps2: -7.0,
+            accel_max_mps2: 3.5,
             speed_margin_mps: 4.0,
             excitation: Excitation::default(),
         }

@@ -8,8 +8,17 @@ use string::{Delay, Run, Setup, run_platoon};
 #[path = "tests/string.rs"]
 mod string;
 
+/// The paper's gain, with the lead time and limits that the expected figures are for.
 fn published() -> UclCalibration {
-    crate::Calibration::default().ucl
+    UclCalibration {
+        law: CoordinationLaw::Published,
+        k1: UclCalibration::PUBLISHED_K1,
+        k2: UclCalibration::PUBLISHED_K2,
+        lead_time_s: 1.5,
+        accel_min_mps2: -6.0,
+        accel_max_mps2: 2.5,
+        ..crate::Calibration::default().ucl
+    }
 }
 
 /// Runs a law with one constant delay on every link and messages every millisecond.
