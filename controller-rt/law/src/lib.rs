@@ -39,7 +39,7 @@ mod weight;
 #[doc(hidden)]
 pub mod parts {
     pub use crate::bicycle::Bicycle;
-    pub use crate::prediction::{Prediction, predict};
+    pub use crate::prediction::{Instant, predict};
 }
 
 pub use calibration::{

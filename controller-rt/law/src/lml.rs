@@ -68,18 +68,18 @@ pub fn build(
     builder.slack_cost();
     builder.input_limits();
     builder.rate_limits();
-    for (k, instant) in predict(model, &start, &request.plan).enumerate() {
+    predict(model, &start, &request.plan, |k, instant| {
         let met = surroundings.meet(&cal.lml, instant.state[X], instant.state[Y], k);
-        let mut cost = builder.tracking_cost(&instant, seen.mission.desired_y_m);
-        builder.slot_cost(k, &instant, &mut cost);
+        let mut cost = builder.tracking_cost(instant, seen.mission.desired_y_m);
+        builder.slot_cost(k, instant, &mut cost);
         cost.position.add_scaled(cal.lml.q_obs, &met.potential);
-        builder.edge_cost(&instant, surroundings, &mut cost);
-        builder.add(&instant, &cost);
-        builder.position_limits(k, &instant, &met.limits);
+        builder.edge_cost(instant, surroundings, &mut cost);
+        builder.add(instant, &cost);
+        builder.position_limits(k, instant, &met.limits);
         if k % 2 == 0 {
-            builder.acceleration_limits(k / 2, &instant);
+            builder.acceleration_limits(k / 2, instant);
         }
-    }
+    });
     builder.finish()
 }
 

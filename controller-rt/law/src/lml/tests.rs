@@ -58,7 +58,7 @@ fn cost(
     let start =
         [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
     let mut sum = 0.0;
-    for (k, instant) in predict(&model, &start, plan).enumerate() {
+    predict(&model, &start, plan, |k, instant| {
         let y = instant.state[Y];
         sum += cal.lml.q_y * y * y;
         if let Some(slot) = request.slot {
@@ -74,7 +74,7 @@ fn cost(
         for i in 0..2 {
             sum += cal.lml.s[i] * plan[block(k)][i].powi(2);
         }
-    }
+    });
     let (mut before, mut share) = (request.applied, request.interval_s / STEP_S);
     for block in plan {
         for i in 0..2 {

@@ -6,8 +6,11 @@ const START: State = [18.0, 0.05, 0.02, 0.01, 5.0, 1.0];
 const PLAN: [[f64; 2]; BLOCKS] = [[2.0, 1.0], [5.0, 1.5], [-3.0, 0.5], [-8.0, -1.0], [0.0, -0.2]];
 
 fn all(start: &State, plan: &[[f64; 2]; BLOCKS]) -> [Instant; STEPS] {
-    let mut prediction = predict(&Bicycle::new(&TruckBelief::default()), start, plan);
-    core::array::from_fn(|_| prediction.next().expect("as many as there are steps"))
+    let mut instants = [Instant { state: [0.0; STATES], gain: [[0.0; WIDTH]; STATES] }; STEPS];
+    predict(&Bicycle::new(&TruckBelief::default()), start, plan, |k, instant| {
+        instants[k] = *instant;
+    });
+    instants
 }
 
 /// Two classical Runge-Kutta steps over a prediction step, of the textbook's equations.
