@@ -1,14 +1,15 @@
-//! Numbers side by side: one formula for neighbouring prediction steps, in the vector registers that
-//! the program is built for.
+//! Numbers side by side: one formula for neighbouring prediction steps, in whatever vector registers
+//! the machine has.
 
 use core::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-/// As many as fit a register. Every lane is worked on by itself, so the number changes no result.
-pub const LANES: usize = if cfg!(target_feature = "avx") { 4 } else { 2 };
+/// As many as fit the widest registers used. Every lane is worked on by itself: what registers
+/// there are changes no result.
+pub const LANES: usize = 4;
 
 /// Numbers on which every operation works one by one.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(align(16))]
+#[repr(align(32))]
 pub struct Lanes(pub [f64; LANES]);
 
 impl Lanes {
@@ -76,7 +77,8 @@ impl Add for Lanes {
 
     #[inline(always)]
     fn add(self, other: Self) -> Self {
-        Self(core::array::from_fn(|i| self.0[i] + other.0[i]))
+        let (a, b) = (self.0, other.0);
+        Self([a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]])
     }
 }
 
@@ -101,7 +103,8 @@ impl Sub for Lanes {
 
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
-        Self(core::array::from_fn(|i| self.0[i] - other.0[i]))
+        let (a, b) = (self.0, other.0);
+        Self([a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]])
     }
 }
 
@@ -110,7 +113,8 @@ impl Mul for Lanes {
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        Self(core::array::from_fn(|i| self.0[i] * other.0[i]))
+        let (a, b) = (self.0, other.0);
+        Self([a[0] * b[0], a[1] * b[1], a[2] * b[2], a[3] * b[3]])
     }
 }
 
@@ -128,7 +132,8 @@ impl Neg for Lanes {
 
     #[inline(always)]
     fn neg(self) -> Self {
-        Self(self.0.map(|x| -x))
+        let a = self.0;
+        Self([-a[0], -a[1], -a[2], -a[3]])
     }
 }
 

@@ -11,8 +11,9 @@ mod tangent;
 use crate::bicycle::{Bicycle, STATES, State};
 use crate::lanes::LANES;
 use crate::qp::{BLOCKS, INPUTS};
+use crate::wide::widest;
 use rollout::{Group, Moving};
-use tangent::Tangent;
+use tangent::{Linearise, Tangent};
 
 /// Prediction steps N_p [MCF, Table II].
 pub const STEPS: usize = 25;
@@ -62,7 +63,7 @@ pub fn predict(
             group.roll(model, &mut moving, plan[block(first + lane)], lane);
             ends[lane] = moving;
         }
-        let tangent = Tangent::of(model, &group);
+        let tangent = widest(Linearise { model, group: &group });
         for lane in 0..steps {
             let k = first + lane;
             instant.advance(&tangent, lane, &ends[lane], block(k), &plan[block(k)]);
@@ -83,26 +84,30 @@ impl Instant {
         input: &[f64; 2],
     ) {
         let a = |row: usize, column: usize| tangent.columns[column][row].0[lane];
-        let way = tangent.way.map(|way| way.0[lane]);
+        let way = [tangent.way[0].0[lane], tangent.way[1].0[lane]];
         let [u, v, r, phi, x, y] = self.gain;
-        let of_core = |row: usize| -> Gain {
+        let of_core = |row: usize| {
             let (by_u, by_v, by_r) = (a(row, 0), a(row, 1), a(row, 2));
-            core::array::from_fn(|j| by_u * u[j] + by_v * v[j] + by_r * r[j])
+            let mut gain = u;
+            for j in 0..WIDTH {
+                gain[j] = by_u * u[j] + by_v * v[j] + by_r * r[j];
+            }
+            gain
         };
         // A turn of the start by dφ moves the end by dφ times the way, turned to the left.
-        let turned = |row: usize, by_phi: f64, kept: &Gain| -> Gain {
-            let of_core = of_core(row);
-            core::array::from_fn(|j| of_core[j] + by_phi * phi[j] + kept[j])
+        let turned = |row: usize, by_phi: f64, kept: &Gain| {
+            let mut gain = of_core(row);
+            for j in 0..WIDTH {
+                gain[j] += by_phi * phi[j] + kept[j];
+            }
+            gain
         };
-        let of_phi = of_core(3);
-        self.gain = [
-            of_core(0),
-            of_core(1),
-            of_core(2),
-            core::array::from_fn(|j| of_phi[j] + phi[j]),
-            turned(4, -way[1], &x),
-            turned(5, way[0], &y),
-        ];
+        let mut of_phi = of_core(3);
+        for j in 0..WIDTH {
+            of_phi[j] += phi[j];
+        }
+        let (of_x, of_y) = (turned(4, -way[1], &x), turned(5, way[0], &y));
+        self.gain = [of_core(0), of_core(1), of_core(2), of_phi, of_x, of_y];
         for (row, gain) in self.gain.iter_mut().enumerate() {
             let (force, steering) = (a(row, 3), a(row, 4));
             gain[2 * block] += force;

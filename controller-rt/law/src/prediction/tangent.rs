@@ -5,6 +5,7 @@
 use super::rollout::{Group, SUBSTEP_S, Stage};
 use crate::bicycle::{Bicycle, Jacobian};
 use crate::lanes::Lanes;
+use crate::wide::Work;
 
 /// Columns worked out: to the initial ū, v, r, to force \[1/kN\] and steering \[1/deg\]. Those to
 /// φ, X and Y need no integration: turning the start turns the way driven, moving it moves the end.
@@ -39,10 +40,28 @@ struct Linear {
     way: [Lanes; 2],
 }
 
+/// Tangents to be worked out along the stages of a rollout.
+#[derive(Debug, Clone, Copy)]
+pub struct Linearise<'a> {
+    /// What rolled.
+    pub model: &'a Bicycle,
+    /// Its stages.
+    pub group: &'a Group,
+}
+
+impl Work for Linearise<'_> {
+    type Result = Tangent;
+
+    #[inline(always)]
+    fn run(self) -> Tangent {
+        Tangent::of(self.model, self.group)
+    }
+}
+
 impl Tangent {
     /// Integrates along the stages of a rollout.
-    #[inline]
-    pub fn of(model: &Bicycle, group: &Group) -> Self {
+    #[inline(always)]
+    fn of(model: &Bicycle, group: &Group) -> Self {
         let [force, steering] = model.input_slopes().map(|drive| drive.map(|x| HALF_S * x));
         let forced = |[u, v, r]: [Lanes; 3]| [u + force[0], v, r];
         let steered = |[u, v, r]: [Lanes; 3]| [u, v + steering[1], r + steering[2]];
@@ -158,20 +177,25 @@ fn advance(
     linear: &[Linear; 4],
     drive: impl Fn([Lanes; 3]) -> [Lanes; 3],
 ) -> Column {
-    let [u, v, r, phi, mut x, mut y] = now;
-    let mut meet = |linear: &Linear, here: [Lanes; 3], phi: Lanes| {
-        let [along_x, along_y] = linear.position(here, phi);
-        (x, y) = (x + along_x, y + along_y);
-        drive(linear.slope(here))
-    };
+    let [u, v, r, phi, x, y] = now;
     // Half a slope leads to the second and third stage, a whole one to the fourth.
     let second = [u + first[0], v + first[1], r + first[2]];
-    let twice = meet(&linear[1], second, phi + r * HALF_S);
+    let twice = drive(linear[1].slope(second));
+    let by_second = linear[1].position(second, phi + r * HALF_S);
     let third = [u + twice[0], v + twice[1], r + twice[2]];
-    let whole = meet(&linear[2], third, phi + second[2] * HALF_S);
+    let whole = drive(linear[2].slope(third));
+    let by_third = linear[2].position(third, phi + second[2] * HALF_S);
     let fourth = [u + whole[0] * 2.0, v + whole[1] * 2.0, r + whole[2] * 2.0];
-    let last = meet(&linear[3], fourth, phi + third[2] * SUBSTEP_S);
+    let last = drive(linear[3].slope(fourth));
+    let by_fourth = linear[3].position(fourth, phi + third[2] * SUBSTEP_S);
     let sum = |i: usize| ((first[i] + last[i]) + (twice[i] + whole[i]) * 2.0) * (1.0 / 3.0);
     let turned = ((r + fourth[2]) + (second[2] + third[2]) * 2.0) * OUTER_S;
-    [u + sum(0), v + sum(1), r + sum(2), phi + turned, x, y]
+    [
+        u + sum(0),
+        v + sum(1),
+        r + sum(2),
+        phi + turned,
+        x + by_second[0] + by_third[0] + by_fourth[0],
+        y + by_second[1] + by_third[1] + by_fourth[1],
+    ]
 }
