@@ -5,6 +5,7 @@ mod law_options;
 mod report_options;
 mod timing_options;
 mod trace_options;
+mod miss_budget_options;
 mod values;
 
 use std::net::SocketAddr;
@@ -27,6 +28,7 @@ pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
     DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs, Side,
 };
+pub use miss_budget_options::MissBudgetArgs;
 pub use values::{EcuChoice, V2vDelay};
 
 use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
@@ -66,6 +68,8 @@ pub enum Verb {
     Bench(BenchArgs),
     /// Measure gain and lag from the coordination layer's command to the truck's acceleration.
     Identify(IdentifyArgs),
+    /// Find how many deadlines in a row an ECU may miss, and what that costs in metres.
+    MissBudget(MissBudgetArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.

@@ -126,10 +126,7 @@ impl Bicycle {
 
     #[cold]
     fn at_low_speed(&self, u: f64) -> AtSpeed {
-        AtSpeed {
-            inverse: 1.0 / guarded_speed(u).0,
-            resistance_mps2: self.resistance.mps2(u).0,
-        }
+        AtSpeed { inverse: 1.0 / guarded_speed(u).0, resistance_mps2: self.resistance.mps2(u).0 }
     }
 
     /// The core's Jacobian where 1/ue is known, times `reach_s`: what the slopes change over that

@@ -160,7 +160,8 @@ mod tests {
     fn an_angle_that_is_not_finite_stays_so_and_leaves_the_others_alone() {
         for poison in [f64::NAN, f64::INFINITY] {
             for angle in [0.1, 2.0] {
-                let (sin, cos) = Lanes(core::array::from_fn(|lane| [poison, angle][lane % 2])).sin_cos();
+                let (sin, cos) =
+                    Lanes(core::array::from_fn(|lane| [poison, angle][lane % 2])).sin_cos();
                 assert!(sin.0[0].is_nan() && cos.0[0].is_nan());
                 assert!((sin.0[1] - libm::sin(angle)).abs() < 1e-16);
                 assert!((cos.0[1] - libm::cos(angle)).abs() < 1e-16);
