@@ -2,10 +2,10 @@
 
 mod compare_options;
 mod law_options;
+mod miss_budget_options;
 mod report_options;
 mod timing_options;
 mod trace_options;
-mod miss_budget_options;
 mod values;
 
 use std::net::SocketAddr;
@@ -23,12 +23,12 @@ use crate::vcan::VcanArgs;
 
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind};
+pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
     DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs, Side,
 };
-pub use miss_budget_options::MissBudgetArgs;
 pub use values::{EcuChoice, V2vDelay};
 
 use values::{parse_delay, parse_ecu, parse_gateway, parse_set};
