@@ -40,7 +40,6 @@ mod statistics;
 mod usual;
 mod witness;
 
-pub use blame::{Evidence, Waiting, Working, blame};
 /// The parts of a tick, for benchmarks; they change without notice.
 #[doc(hidden)]
 pub mod parts {
@@ -48,6 +47,7 @@ pub mod parts {
     pub use crate::picture::Picture;
 }
 
+pub use blame::{Evidence, Waiting, Working, blame};
 pub use controller::{Controller, LawController, Phase};
 pub use ecu::{Config, Ecu, RIG_SILENT_NS, first_mission, run};
 pub use gallery::{GALLERY_SIZE, Miss};
