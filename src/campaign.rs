@@ -19,6 +19,7 @@ use law::Calibration;
 use crate::calibration;
 use crate::cli::{ControllerKind, SolverKind};
 use crate::failure::Failure;
+use crate::fault::Fault;
 use crate::rehearse::virtual_time::{Experiment, observe};
 
 pub use trajectory::{Moment, ObstacleMoment, Sampling, Trajectory, TruckMoment};
@@ -37,10 +38,13 @@ pub struct Cell {
     pub seed: u64,
     /// How closely the trucks are followed.
     pub sampling: Sampling,
+    /// What breaks, and when.
+    pub faults: Vec<Fault>,
 }
 
 impl Cell {
-    /// A cell of a scenario by name, with overrides and a controller; seed 1, nothing sampled.
+    /// A cell of a scenario by name, with overrides and a controller; seed 1, nothing sampled,
+    /// nothing broken.
     ///
     /// # Errors
     /// When the scenario or its law makes no sense.
@@ -55,7 +59,8 @@ impl Cell {
         if let Some(controller) = controller {
             calibration.structure = controller.into();
         }
-        Ok(Self { scenario, calibration, rate_hz, seed: 1, sampling: Sampling::default() })
+        let (sampling, faults) = (Sampling::default(), Vec::new());
+        Ok(Self { scenario, calibration, rate_hz, seed: 1, sampling, faults })
     }
 
     /// Bench time it covers \[s\].
@@ -158,6 +163,7 @@ fn one(cell: &Cell, stop: &Arc<AtomicBool>) -> Result<Outcome, Failure> {
         rate_hz: cell.rate_hz,
         seed: cell.seed,
         without_emergency_braking: false,
+        faults: &cell.faults,
     };
     let overheard = Overheard::of(cell.scenario.platoon.trucks);
     let mut sampler = Sampler::new(cell, &overheard);

@@ -2,6 +2,7 @@
 
 mod compare_options;
 mod law_options;
+mod miss_budget_options;
 mod report_options;
 mod timing_options;
 mod trace_options;
@@ -22,6 +23,7 @@ use crate::vcan::VcanArgs;
 
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
+pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
@@ -66,6 +68,8 @@ pub enum Verb {
     Bench(BenchArgs),
     /// Measure gain and lag from the coordination layer's command to the truck's acceleration.
     Identify(IdentifyArgs),
+    /// Find how many deadlines in a row an ECU may miss, and what that costs in metres.
+    MissBudget(MissBudgetArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.

@@ -155,6 +155,7 @@ impl Bench {
             rate_hz: self.rate_hz,
             seed: 1,
             without_emergency_braking: false,
+            faults: &[],
         };
         let (mut course, half_tick_s) = (Course::new(), 0.5 / f64::from(self.rate_hz));
         let mut watch = |rig: &Rig| {

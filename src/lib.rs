@@ -27,6 +27,7 @@ mod gain;
 mod gateway;
 mod identify;
 mod import;
+mod miss_budget;
 mod play;
 mod process;
 mod progress;
@@ -63,6 +64,7 @@ pub fn main() -> ExitCode {
         Verb::Bench(args) => bench::run(&args),
         Verb::Gain(args) => gain::run(&args),
         Verb::Identify(args) => identify::run(&args).map(|()| Verdict::Pass),
+        Verb::MissBudget(args) => miss_budget::run(&args).map(|()| Verdict::Pass),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
         Verb::Report(args) => report::run(&args).map(|()| Verdict::Pass),

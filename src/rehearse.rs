@@ -142,6 +142,7 @@ impl<'a> Plan<'a> {
             rate_hz: self.rate_hz,
             seed: self.args.run.seed,
             without_emergency_braking: self.args.law_options.no_emergency_braking,
+            faults: &self.args.fault,
         }
     }
 

@@ -40,6 +40,13 @@ mod statistics;
 mod usual;
 mod witness;
 
+/// The parts of a tick, for benchmarks; they change without notice.
+#[doc(hidden)]
+pub mod parts {
+    pub use crate::inbox::Inbox;
+    pub use crate::picture::Picture;
+}
+
 pub use blame::{Evidence, Waiting, Working, blame};
 pub use controller::{Controller, LawController, Phase};
 pub use ecu::{Config, Ecu, RIG_SILENT_NS, first_mission, run};

@@ -61,7 +61,8 @@ pub(super) fn twin(plan: &Plan<'_>) -> Result<Twin, Failure> {
     let mut truth = Vec::new();
     let stop = process::stop_flag()?;
     let mut watch = |rig: &Rig| truth.push(rig.truth());
-    let ended = observe(&plan.experiment(), stop, Some(&line), Box::new(as_it_is), &mut watch)?;
+    let experiment = Experiment { faults: &[], ..plan.experiment() };
+    let ended = observe(&experiment, stop, Some(&line), Box::new(as_it_is), &mut watch)?;
     Ok(Twin { results: ended.results, truth })
 }
 
@@ -82,6 +83,8 @@ pub(crate) struct Experiment<'a> {
     pub(crate) seed: u64,
     /// Whether the guards' emergency layer is off.
     pub(crate) without_emergency_braking: bool,
+    /// What breaks, and when.
+    pub(crate) faults: &'a [Fault],
 }
 
 /// The end of a run that was only watched.
@@ -115,7 +118,7 @@ pub(crate) fn observe(
     let setting = Setting { folder: None, profile: Profile::Fd, is_emulated: false, wrap };
     let mut bench = Bench::assemble(experiment, setting, stop)?;
     bench.begin()?;
-    bench.alternate(line, &[], watch);
+    bench.alternate(line, experiment.faults, watch);
     let Outcome { results, ecus, .. } = bench.end();
     Ok(Observed { results: results.unwrap_or_default(), ecus })
 }

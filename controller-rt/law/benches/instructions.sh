@@ -13,8 +13,8 @@ counted() {
         sed -n 's/.*Collected : //p'
 }
 
-printf '%-14s %12s\n' part "instructions"
-for part in step linearise qp-cold qp-warm qp-degenerate; do
+printf '%-18s %12s\n' part "instructions"
+for part in step linearise qp-cold qp-warm qp-degenerate qp-degenerate-warm; do
     calls=$("$program" --count "$part" 1 | cut -d' ' -f2)
-    printf '%-14s %12s\n' "$part" $((($(counted "$part" 2) - $(counted "$part" 1)) / calls))
+    printf '%-18s %12s\n' "$part" $((($(counted "$part" 2) - $(counted "$part" 1)) / calls))
 done

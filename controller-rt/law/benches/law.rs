@@ -10,14 +10,16 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use course::{Course, course};
-use law::parts::{Bicycle, predict};
+use law::parts::{self, Bicycle};
 use law::qp::{ActiveSet, Qp, QpSolver, WorkingSet};
 use law::{Calibration, Law, Memory, Phase};
 use recorded::{Recorded, recorded};
+use table::timed;
 
 mod course;
 #[path = "../tests/recorded/mod.rs"]
 mod recorded;
+mod table;
 
 /// How often each part goes over its course.
 const ROUNDS: usize = 60;
@@ -28,14 +30,15 @@ struct Inputs {
     model: Bicycle,
     course: Course,
     recorded: Vec<Recorded>,
-    /// Of those, the ones that the natural working set does not solve.
-    degenerate: Vec<Qp>,
+    /// Of those, the ones that the natural working set does not solve, each with the working set
+    /// of the problem recorded before it.
+    degenerate: Vec<(Qp, WorkingSet)>,
 }
 
 /// A part: its name, and one pass over its course that tells the time of every call \[ns\].
 type Part = (&'static str, fn(&Inputs, &mut Vec<u64>));
 
-const PARTS: [Part; 8] = [
+const PARTS: [Part; 9] = [
     ("step", step),
     ("ucl", |inputs, times| phases(inputs, times, Phase::Ucl)),
     ("build", |inputs, times| phases(inputs, times, Phase::LmlBuild)),
@@ -44,6 +47,7 @@ const PARTS: [Part; 8] = [
     ("qp-cold", cold),
     ("qp-warm", warm),
     ("qp-degenerate", degenerate),
+    ("qp-degenerate-warm", degenerate_warm),
 ];
 
 fn main() {
@@ -60,18 +64,11 @@ fn main() {
         println!("{} {}", part.0, calls.len());
         return;
     }
-    println!(
-        "{:14} {:>8} {:>8} {:>8} {:>8} {:>8}",
-        "ns a call", "least", "median", "mean", "p99", "p99.9"
-    );
+    table::head();
     for (name, part) in PARTS {
         let mut times = Vec::new();
         (0..ROUNDS).for_each(|_| part(&inputs, &mut times));
-        times.sort_unstable();
-        let at = |share: f64| times[((times.len() - 1) as f64 * share) as usize];
-        let mean = times.iter().sum::<u64>() / times.len() as u64;
-        let (least, p999) = (times[0], at(0.999));
-        println!("{name:14} {least:8} {:8} {mean:8} {:8} {p999:8}", at(0.5), at(0.99));
+        table::row(name, &mut times);
     }
 }
 
@@ -91,23 +88,19 @@ impl Inputs {
     fn new() -> Self {
         let calibration = Calibration::default();
         let (law, recorded) = (Law::new(calibration, ActiveSet), recorded());
-        let is_degenerate = |qp: &&Qp| {
-            ActiveSet.solve(qp, &mut WorkingSet::default()).report.working_set
-                != WorkingSet::natural().bits()
-        };
-        let degenerate =
-            recorded.iter().map(|one| &one.qp).filter(is_degenerate).cloned().collect();
+        let (mut degenerate, mut before) = (Vec::new(), (u32::MAX, WorkingSet::default()));
+        for one in &recorded {
+            let mut set = WorkingSet::default();
+            let solution = ActiveSet.solve(&one.qp, &mut set);
+            if solution.report.working_set != WorkingSet::natural().bits() {
+                let warm = if before.0 == one.sequence { before.1 } else { WorkingSet::default() };
+                degenerate.push((one.qp.clone(), warm));
+            }
+            before = (one.sequence, set);
+        }
         let model = Bicycle::new(&calibration.truck);
         Self { course: course(&law), law, model, recorded, degenerate }
     }
-}
-
-/// Times one call.
-fn timed<T>(times: &mut Vec<u64>, call: impl FnOnce() -> T) -> T {
-    let began = Instant::now();
-    let result = black_box(call());
-    times.push(began.elapsed().as_nanos() as u64);
-    result
 }
 
 fn step(inputs: &Inputs, times: &mut Vec<u64>) {
@@ -136,11 +129,7 @@ fn phases(inputs: &Inputs, times: &mut Vec<u64>, phase: Phase) {
 /// Rollout, tangents and gains of every predicted instant.
 fn linearise(inputs: &Inputs, times: &mut Vec<u64>) {
     for (start, plan) in &inputs.course.plans {
-        timed(times, || {
-            predict(&inputs.model, black_box(start), plan)
-                .map(|instant| instant.gain[5][0])
-                .sum::<f64>()
-        });
+        timed(times, || parts::linearise(&inputs.model, black_box(start), plan));
     }
 }
 
@@ -162,7 +151,14 @@ fn warm(inputs: &Inputs, times: &mut Vec<u64>) {
 }
 
 fn degenerate(inputs: &Inputs, times: &mut Vec<u64>) {
-    for qp in &inputs.degenerate {
+    for (qp, _) in &inputs.degenerate {
         timed(times, || ActiveSet.solve(black_box(qp), &mut WorkingSet::default()));
+    }
+}
+
+fn degenerate_warm(inputs: &Inputs, times: &mut Vec<u64>) {
+    for (qp, before) in &inputs.degenerate {
+        let mut warm = *before;
+        timed(times, || ActiveSet.solve(black_box(qp), &mut warm));
     }
 }

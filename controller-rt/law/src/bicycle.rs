@@ -55,26 +55,11 @@ pub type Core = [f64; 3];
 pub struct AtSpeed {
     /// 1/ue \[s/m\].
     pub inverse: f64,
-    /// Its derivative by speed, over -1/ue \[s/m\].
-    pub inverse_u: f64,
     /// Deceleration by drag and rolling \[m/s²\].
     pub resistance_mps2: f64,
-    /// Its derivative by speed \[1/s\].
-    pub resistance_u: f64,
 }
 
-/// [`AtSpeed`] of four instants, as far as the Jacobian needs it.
-#[derive(Debug, Clone, Copy)]
-pub struct AtSpeedLanes {
-    /// 1/ue \[s/m\].
-    pub inverse: Lanes,
-    /// Its derivative by speed, over -1/ue \[s/m\].
-    pub inverse_u: Lanes,
-    /// Derivative of the resistances by speed \[1/s\].
-    pub resistance_u: Lanes,
-}
-
-/// The Jacobian's entries that are not structural, of four instants.
+/// The Jacobian's entries that are not structural, of an instant per lane.
 #[derive(Debug, Clone, Copy)]
 pub struct Jacobian {
     pub uu: Lanes,
@@ -136,34 +121,47 @@ impl Bicycle {
     #[inline(always)]
     fn at_road_speed(&self, u: f64) -> AtSpeed {
         let inverse = 1.0 / u;
-        let (resistance_mps2, resistance_u) = self.resistance.mps2_at_road_speed(u, inverse);
-        AtSpeed { inverse, inverse_u: inverse, resistance_mps2, resistance_u }
+        AtSpeed { inverse, resistance_mps2: self.resistance.mps2_at_road_speed(u, inverse) }
     }
 
     #[cold]
     fn at_low_speed(&self, u: f64) -> AtSpeed {
-        let (ue, ue_u) = guarded_speed(u);
-        let (resistance_mps2, resistance_u) = self.resistance.mps2(u);
-        let inverse = 1.0 / ue;
-        AtSpeed { inverse, inverse_u: ue_u * inverse, resistance_mps2, resistance_u }
+        AtSpeed { inverse: 1.0 / guarded_speed(u).0, resistance_mps2: self.resistance.mps2(u).0 }
     }
 
-    /// The core's Jacobian at four instants.
+    /// The core's Jacobian where 1/ue is known, times `reach_s`: what the slopes change over that
+    /// time, by a change of the core.
     #[inline(always)]
-    pub fn jacobian(&self, [u, v, r]: [Lanes; 3], at: &AtSpeedLanes) -> Jacobian {
+    pub fn jacobian(&self, [u, v, r]: [Lanes; 3], inverse: Lanes, reach_s: f64) -> Jacobian {
+        let (inverse_u, resistance_u) = match u.0.iter().all(|&u| u >= GUARD_BELOW_MPS) {
+            true => (inverse, self.resistance.slope_at_road_speed(u, inverse)),
+            false => self.slopes_at_low_speed(u, inverse),
+        };
         // d(1/ue)/du = -(1/ue) (ue'/ue).
-        let fade = -(at.inverse * at.inverse_u);
+        let fade = -(inverse * inverse_u);
+        let of_tyre = |stiffness: f64| reach_s * stiffness;
         Jacobian {
-            uu: -at.resistance_u,
-            uv: r,
-            ur: v,
-            vu: (v * self.vv + r * self.vr) * fade - r,
-            vv: at.inverse * self.vv,
-            vr: at.inverse * self.vr - u,
-            ru: (v * self.rv + r * self.rr) * fade,
-            rv: at.inverse * self.rv,
-            rr: at.inverse * self.rr,
+            uu: resistance_u * -reach_s,
+            uv: r * reach_s,
+            ur: v * reach_s,
+            vu: (v * of_tyre(self.vv) + r * of_tyre(self.vr)) * fade - r * reach_s,
+            vv: inverse * of_tyre(self.vv),
+            vr: inverse * of_tyre(self.vr) - u * reach_s,
+            ru: (v * of_tyre(self.rv) + r * of_tyre(self.rr)) * fade,
+            rv: inverse * of_tyre(self.rv),
+            rr: inverse * of_tyre(self.rr),
         }
+    }
+
+    /// The derivative of 1/ue by speed, over -1/ue \[s/m\], and that of the resistances \[1/s\].
+    #[cold]
+    fn slopes_at_low_speed(&self, u: Lanes, inverse: Lanes) -> (Lanes, Lanes) {
+        let mut slopes = (inverse, Lanes::ZERO);
+        for (lane, &u) in u.0.iter().enumerate() {
+            slopes.0.0[lane] *= guarded_speed(u).1;
+            slopes.1.0[lane] = self.resistance.mps2(u).1;
+        }
+        slopes
     }
 
     /// Slope of the core per unit of force \[kN\] and of steering \[deg\].

@@ -7,7 +7,7 @@ use crate::dmpc::{self, Course, Drive, Plan};
 use crate::lml::{self, Request};
 use crate::memory::Memory;
 use crate::observation::Observation;
-use crate::qp::{ActiveSet, BLOCKS, INPUTS, QpSolver, Solution, SolveStatus};
+use crate::qp::{ActiveSet, BLOCKS, INPUTS, Qp, QpSolver, Solution, SolveStatus};
 use crate::single_mpc::{self, Slot};
 use crate::surroundings::Surroundings;
 use crate::ucl;
@@ -141,7 +141,8 @@ impl<S: QpSolver> Law<S> {
             applied: memory.applied,
             interval_s: since_solve_s,
         };
-        let qp = lml::build(cal, &self.model, &surroundings, seen, &request);
+        let mut qp = Qp::empty();
+        lml::build(cal, &self.model, &surroundings, seen, &request, &mut qp);
         mark(Phase::LmlBuild);
 
         let solution = self.solver.solve(&qp, &mut memory.working_set);

@@ -34,12 +34,22 @@ mod single_mpc;
 mod surroundings;
 mod ucl;
 mod weight;
+mod wide;
 
 /// The parts of a step, for benchmarks; they change without notice.
 #[doc(hidden)]
 pub mod parts {
     pub use crate::bicycle::Bicycle;
-    pub use crate::prediction::{Prediction, predict};
+    use crate::prediction::predict;
+    use crate::qp::BLOCKS;
+
+    /// Rolls the model out and linearises it at every instant; a sum of gains, so that there is a
+    /// result.
+    pub fn linearise(model: &Bicycle, start: &[f64; 6], plan: &[[f64; 2]; BLOCKS]) -> f64 {
+        let mut sum = 0.0;
+        predict(model, start, plan, |_, instant| sum += instant.gain[5][0]);
+        sum
+    }
 }
 
 pub use calibration::{

@@ -51,36 +51,36 @@ pub struct Request {
     pub interval_s: f64,
 }
 
-/// Builds the QP of one tick.
+/// Builds the QP of one tick in an empty one.
 pub fn build(
     cal: &Calibration,
     model: &Bicycle,
     surroundings: &Surroundings,
     seen: &Observation,
     request: &Request,
-) -> Qp {
+    qp: &mut Qp,
+) {
     let ego = &seen.ego;
     let start =
         [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
-    let mut builder =
-        Builder { cal: &cal.lml, request, normal: [[0.0; WIDTH]; INPUTS], qp: Qp::empty() };
+    let mut builder = Builder { cal: &cal.lml, request, normal: [[0.0; WIDTH]; INPUTS], qp };
     builder.input_cost();
     builder.slack_cost();
     builder.input_limits();
     builder.rate_limits();
-    for (k, instant) in predict(model, &start, &request.plan).enumerate() {
+    predict(model, &start, &request.plan, |k, instant| {
         let met = surroundings.meet(&cal.lml, instant.state[X], instant.state[Y], k);
-        let mut cost = builder.tracking_cost(&instant, seen.mission.desired_y_m);
-        builder.slot_cost(k, &instant, &mut cost);
+        let mut cost = builder.tracking_cost(instant, seen.mission.desired_y_m);
+        builder.slot_cost(k, instant, &mut cost);
         cost.position.add_scaled(cal.lml.q_obs, &met.potential);
-        builder.edge_cost(&instant, surroundings, &mut cost);
-        builder.add(&instant, &cost);
-        builder.position_limits(k, &instant, &met.limits);
+        builder.edge_cost(instant, surroundings, &mut cost);
+        builder.add(instant, &cost);
+        builder.position_limits(k, instant, &met.limits);
         if k % 2 == 0 {
-            builder.acceleration_limits(k / 2, &instant);
+            builder.acceleration_limits(k / 2, instant);
         }
-    }
-    builder.finish()
+    });
+    builder.finish();
 }
 
 /// The QP under construction; the Hessian's upper triangle only, until it is finished.
@@ -90,7 +90,7 @@ struct Builder<'a> {
     /// What the instants add: row i holds the Hessian from column i on, and the gradient's entry
     /// at [`PLANNED`]. Entries before column i, rounded down to even, are not kept.
     normal: [Gain; INPUTS],
-    qp: Qp,
+    qp: &'a mut Qp,
 }
 
 /// What one instant costs, to second order in the changes of its speed and position.
@@ -267,7 +267,10 @@ impl Builder<'_> {
     fn acceleration_limits(&mut self, pair: usize, instant: &Instant) {
         let (u, r) = (instant.state[SPEED], instant.state[YAW]);
         let (by_u, by_r) = (&instant.gain[SPEED], &instant.gain[YAW]);
-        let gain: Gain = core::array::from_fn(|j| u * by_r[j] + r * by_u[j]);
+        let mut gain = [0.0; WIDTH];
+        for j in 0..WIDTH {
+            gain[j] = u * by_r[j] + r * by_u[j];
+        }
         let row = ACCELERATION_ROWS + 2 * pair;
         for j in 0..INPUTS {
             self.qp.rows.as_mut_slice()[j * ROWS + row..][..2].fill(gain[j]);
@@ -285,7 +288,7 @@ impl Builder<'_> {
     }
 
     /// Adds what the instants gave and completes the Hessian's lower triangle.
-    fn finish(mut self) -> Qp {
+    fn finish(self) {
         for (i, row) in self.normal.iter().enumerate() {
             for j in i..INPUTS {
                 self.qp.hessian[(i, j)] += row[j];
@@ -293,14 +296,16 @@ impl Builder<'_> {
             }
             self.qp.gradient[i] += row[PLANNED];
         }
-        self.qp
     }
 }
 
 /// One row of W G, and at [`PLANNED`] of `slope - W G w̄`.
 #[inline(always)]
 fn weighed(entry: impl Fn(usize) -> f64, slope: f64) -> Gain {
-    let mut row: Gain = core::array::from_fn(entry);
+    let mut row = [0.0; WIDTH];
+    for j in 0..WIDTH {
+        row[j] = entry(j);
+    }
     row[PLANNED] = slope - row[PLANNED];
     row
 }

@@ -11,8 +11,9 @@ mod tangent;
 use crate::bicycle::{Bicycle, STATES, State};
 use crate::lanes::LANES;
 use crate::qp::{BLOCKS, INPUTS};
-use rollout::{GROUPS, rollout};
-use tangent::Tangent;
+use crate::wide::widest;
+use rollout::{Group, Moving};
+use tangent::{Linearise, Tangent};
 
 /// Prediction steps N_p [MCF, Table II].
 pub const STEPS: usize = 25;
@@ -41,71 +42,81 @@ pub struct Instant {
     pub gain: [Gain; STATES],
 }
 
-/// A plan's future, instant by instant from step 1 to N_p.
-#[derive(Debug, Clone, Copy)]
-pub struct Prediction {
-    tangents: [Tangent; GROUPS],
-    /// ū, v, r, φ at every step.
-    ends: [[f64; 4]; STEPS],
-    plan: [[f64; 2]; BLOCKS],
-    /// Steps given out.
-    given: usize,
-    last: Instant,
-}
-
-/// Predicts the states at steps 1 to N_p under `plan`.
-pub fn predict(model: &Bicycle, start: &State, plan: &[[f64; 2]; BLOCKS]) -> Prediction {
-    let rollout = rollout(model, start, plan);
-    Prediction {
-        tangents: core::array::from_fn(|group| Tangent::of(model, &rollout.groups[group])),
-        ends: rollout.ends,
-        plan: *plan,
-        given: 0,
-        last: Instant { state: *start, gain: [[0.0; WIDTH]; STATES] },
+/// Predicts the states at steps 1 to N_p under `plan`, and hands over one after the other.
+///
+/// Rollout, tangents and gains take turns, a few steps at a time: what one leaves the next finds
+/// in the fastest memory.
+pub fn predict(
+    model: &Bicycle,
+    start: &State,
+    plan: &[[f64; 2]; BLOCKS],
+    mut hand_over: impl FnMut(usize, &Instant),
+) {
+    let mut moving = Moving { core: [start[0], start[1], start[2]], heading: start[3] };
+    let mut instant = Instant { state: *start, gain: [[0.0; WIDTH]; STATES] };
+    let mut group = Group::EMPTY;
+    let mut ends = [moving; LANES];
+    for first in (0..STEPS).step_by(LANES) {
+        // Where the steps end before the lanes do, the others keep what they had; nobody asks.
+        let steps = LANES.min(STEPS - first);
+        for lane in 0..steps {
+            group.roll(model, &mut moving, plan[block(first + lane)], lane);
+            ends[lane] = moving;
+        }
+        let tangent = widest(Linearise { model, group: &group });
+        for lane in 0..steps {
+            let k = first + lane;
+            instant.advance(&tangent, lane, &ends[lane], block(k), &plan[block(k)]);
+            hand_over(k, &instant);
+        }
     }
 }
 
-impl Iterator for Prediction {
-    type Item = Instant;
-
+impl Instant {
     /// G_{k+1} = A_k G_k + B_k E_k; the columns of inputs not used yet stay zero.
-    #[inline]
-    fn next(&mut self) -> Option<Instant> {
-        let k = self.given;
-        let end = self.ends.get(k)?;
-        self.given += 1;
-        let (tangent, lane) = (&self.tangents[k / LANES], k % LANES);
+    #[inline(always)]
+    fn advance(
+        &mut self,
+        tangent: &Tangent,
+        lane: usize,
+        end: &Moving,
+        block: usize,
+        input: &[f64; 2],
+    ) {
         let a = |row: usize, column: usize| tangent.columns[column][row].0[lane];
-        let way = tangent.way.map(|way| way.0[lane]);
-        let [u, v, r, phi, x, y] = &self.last.gain;
-        let of_core = |row: usize| -> Gain {
+        let way = [tangent.way[0].0[lane], tangent.way[1].0[lane]];
+        let [u, v, r, phi, x, y] = self.gain;
+        let of_core = |row: usize| {
             let (by_u, by_v, by_r) = (a(row, 0), a(row, 1), a(row, 2));
-            core::array::from_fn(|j| by_u * u[j] + by_v * v[j] + by_r * r[j])
+            let mut gain = u;
+            for j in 0..WIDTH {
+                gain[j] = by_u * u[j] + by_v * v[j] + by_r * r[j];
+            }
+            gain
         };
         // A turn of the start by dφ moves the end by dφ times the way, turned to the left.
-        let turned = |row: usize, by_phi: f64, kept: &Gain| -> Gain {
-            let of_core = of_core(row);
-            core::array::from_fn(|j| of_core[j] + by_phi * phi[j] + kept[j])
+        let turned = |row: usize, by_phi: f64, kept: &Gain| {
+            let mut gain = of_core(row);
+            for j in 0..WIDTH {
+                gain[j] += by_phi * phi[j] + kept[j];
+            }
+            gain
         };
-        let mut gain = [
-            of_core(0),
-            of_core(1),
-            of_core(2),
-            turned(3, 1.0, &[0.0; WIDTH]),
-            turned(4, -way[1], x),
-            turned(5, way[0], y),
-        ];
-        let (at, input) = (2 * block(k), self.plan[block(k)]);
-        for (row, gain) in gain.iter_mut().enumerate() {
+        let mut of_phi = of_core(3);
+        for j in 0..WIDTH {
+            of_phi[j] += phi[j];
+        }
+        let (of_x, of_y) = (turned(4, -way[1], &x), turned(5, way[0], &y));
+        self.gain = [of_core(0), of_core(1), of_core(2), of_phi, of_x, of_y];
+        for (row, gain) in self.gain.iter_mut().enumerate() {
             let (force, steering) = (a(row, 3), a(row, 4));
-            gain[at] += force;
-            gain[at + 1] += steering;
+            gain[2 * block] += force;
+            gain[2 * block + 1] += steering;
             gain[PLANNED] += force * input[0] + steering * input[1];
         }
-        let [_, _, _, _, x_m, y_m] = self.last.state;
-        let state = [end[0], end[1], end[2], end[3], x_m + way[0], y_m + way[1]];
-        self.last = Instant { state, gain };
-        Some(self.last)
+        let [_, _, _, _, x_m, y_m] = self.state;
+        let [u, v, r] = end.core;
+        self.state = [u, v, r, end.heading, x_m + way[0], y_m + way[1]];
     }
 }
 

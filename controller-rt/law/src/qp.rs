@@ -53,6 +53,7 @@ pub struct Qp {
 
 impl Qp {
     /// A QP with zero cost and no limits, to be filled in.
+    #[inline(always)]
     pub fn empty() -> Self {
         Self {
             hessian: SMatrix::zeros(),

@@ -1,6 +1,7 @@
 //! What slows a truck that coasts: drag and rolling resistance, per unit of mass.
 
 use crate::calibration::TruckBelief;
+use crate::lanes::Lanes;
 
 /// Standard gravity \[m/s²\].
 pub(crate) const GRAVITY_MPS2: f64 = 9.80665;
@@ -26,14 +27,18 @@ impl Resistance {
     /// The same at road speeds, for who has 1/u already: with x = (fade/u)² at most 1.3e-4 above
     /// 9 m/s, a few terms of 1/sqrt(1 + x) are exact to the last bit and need no root.
     #[inline(always)]
-    pub fn mps2_at_road_speed(&self, u: f64, inverse: f64) -> (f64, f64) {
+    pub fn mps2_at_road_speed(&self, u: f64, inverse: f64) -> f64 {
         let x = (ROLLING_FADE_MPS * ROLLING_FADE_MPS) * (inverse * inverse);
         let sign = (1.0 - 0.5 * x) + (x * x) * (0.375 - 0.3125 * x);
-        let sign_u = x * inverse * (1.0 - 1.5 * x);
-        (
-            self.drag_per_m * (u * u) + self.rolling_mps2 * sign,
-            2.0 * self.drag_per_m * u + self.rolling_mps2 * sign_u,
-        )
+        self.drag_per_m * (u * u) + self.rolling_mps2 * sign
+    }
+
+    /// Derivative of that by speed \[1/s\].
+    #[inline(always)]
+    pub fn slope_at_road_speed(&self, u: Lanes, inverse: Lanes) -> Lanes {
+        let x = (inverse * inverse) * (ROLLING_FADE_MPS * ROLLING_FADE_MPS);
+        let sign_u = x * inverse * (x * -1.5 + 1.0);
+        u * (2.0 * self.drag_per_m) + sign_u * self.rolling_mps2
     }
 
     /// Deceleration at speed `u` \[m/s²\], and its derivative by speed \[1/s\].

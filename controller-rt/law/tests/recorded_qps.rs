@@ -1,6 +1,6 @@
 //! The recorded QPs: our solver against solutions refined to machine accuracy.
 
-use law::qp::{ActiveSet, QpSolver, SolveStatus, VARIABLES, WorkingSet};
+use law::qp::{ActiveSet, ITERATIONS_MAX, Qp, QpSolver, SolveStatus, VARIABLES, WorkingSet};
 use recorded::{Recorded, recorded};
 
 mod recorded;
@@ -97,4 +97,43 @@ fn numbers_that_are_not_finite_are_infeasible_not_a_panic() {
             assert_eq!(solution.status == SolveStatus::Solved, harmless, "{poison} at {place}");
         }
     }
+}
+
+/// What is sampled of the recorded problems' box: H, g, A and the limits that are finite in both,
+/// blended between two of them. H stays positive definite, slacks keep the problem feasible.
+fn blended(a: &Qp, b: &Qp, share: f64) -> Qp {
+    let mix = |a: f64, b: f64| {
+        let finite = a.is_finite() && b.is_finite();
+        if finite { a + share * (b - a) } else { a }
+    };
+    Qp {
+        hessian: a.hessian.zip_map(&b.hessian, mix),
+        gradient: a.gradient.zip_map(&b.gradient, mix),
+        rows: a.rows.zip_map(&b.rows, mix),
+        lower: std::array::from_fn(|i| mix(a.lower[i], b.lower[i])),
+        upper: std::array::from_fn(|i| mix(a.upper[i], b.upper[i])),
+    }
+}
+
+#[test]
+fn between_the_recorded_problems_iterations_stay_far_from_the_cap() {
+    let all = recorded();
+    let (mut cold_max, mut warm_max) = (0, 0);
+    for i in 0..2000 {
+        let (a, b) = (&all[(i * 7919) % all.len()].qp, &all[(i * 104_729 + 13) % all.len()].qp);
+        let qp = blended(a, b, (i % 19) as f64 / 18.0);
+        let cold = ActiveSet.solve(&qp, &mut WorkingSet::default());
+        let mut foreign = WorkingSet::default();
+        ActiveSet.solve(b, &mut foreign);
+        let warm = ActiveSet.solve(&qp, &mut foreign);
+        for solution in [cold, warm] {
+            assert_eq!(solution.status, SolveStatus::Solved, "blend {i}");
+            assert!(solution.report.kkt_residual < 1e-8, "blend {i}: {:?}", solution.report);
+        }
+        cold_max = cold_max.max(cold.report.iterations);
+        warm_max = warm_max.max(warm.report.iterations);
+    }
+    println!("{cold_max} cold, {warm_max} warm");
+    assert!(cold_max.max(warm_max) <= ITERATIONS_MAX / 2, "{cold_max} cold, {warm_max} warm");
+    assert!(cold_max > 5, "the blends are too easy to tell anything: {cold_max}");
 }

@@ -1,5 +1,6 @@
 use super::*;
 use crate::observation::{Ego, Mission, Obstacle, Plans, V2v};
+use crate::qp::WorkingSet;
 
 const MS: u64 = 1_000_000;
 
@@ -116,4 +117,33 @@ fn between_solves_the_last_command_is_held() {
     });
     let solved = outcomes.iter().filter(|&&o| o == Outcome::Solved).count();
     assert_eq!((outcomes[0], outcomes[10], solved), (Outcome::Solved, Outcome::Solved, 2));
+}
+
+/// A solver that never gets done.
+struct Capped;
+
+impl QpSolver for Capped {
+    fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
+        Solution { status: SolveStatus::IterationCap, ..ActiveSet.solve(qp, warm) }
+    }
+}
+
+#[test]
+fn at_the_iteration_cap_the_plan_before_runs_on_and_the_outcome_says_so() {
+    let (law, capped) = (law(1), Law::new(Calibration::default(), Capped));
+    let mut memory = Memory::new();
+    for k in 0..100 {
+        law.step(&mut memory, &seen(k * MS));
+    }
+    let cal = Calibration::default().lml;
+    for k in 100..600 {
+        let (planned, applied) = (memory.plan, memory.applied);
+        let decision = capped.step(&mut memory, &seen(k * MS));
+        assert_eq!(decision.outcome, Outcome::IterationCap);
+        assert_eq!(memory.plan, lml::shifted(&planned, 1e-3));
+        // Towards that plan, no faster than the actuators, whatever the solver left behind.
+        let force_kn = 1e-3 * decision.force_n;
+        assert!((force_kn - applied[0]).abs() <= cal.force_rate_kn_per_s * 1e-3 + 1e-9);
+        assert!(decision.lml.slack.iter().all(|slack| slack.is_nan()));
+    }
 }

@@ -45,6 +45,12 @@ fn request() -> Request {
     }
 }
 
+fn built(cal: &Calibration, around: &Surroundings, seen: &Observation, request: &Request) -> Qp {
+    let mut qp = Qp::empty();
+    build(cal, &Bicycle::new(&cal.truck), around, seen, request, &mut qp);
+    qp
+}
+
 /// Eq. 21's cost by the nonlinear rollout, in the prototype's words: no QP involved.
 fn cost(
     seen: &Observation,
@@ -58,7 +64,7 @@ fn cost(
     let start =
         [ego.forward_mps, ego.lateral_mps, ego.yaw_radps, ego.heading_rad, ego.x_m, ego.y_m];
     let mut sum = 0.0;
-    for (k, instant) in predict(&model, &start, plan).enumerate() {
+    predict(&model, &start, plan, |k, instant| {
         let y = instant.state[Y];
         sum += cal.lml.q_y * y * y;
         if let Some(slot) = request.slot {
@@ -74,7 +80,7 @@ fn cost(
         for i in 0..2 {
             sum += cal.lml.s[i] * plan[block(k)][i].powi(2);
         }
-    }
+    });
     let (mut before, mut share) = (request.applied, request.interval_s / STEP_S);
     for block in plan {
         for i in 0..2 {
@@ -102,12 +108,11 @@ fn van() -> Obstacle {
 #[test]
 fn the_qps_gradient_is_that_of_the_nonlinear_cost() {
     let cal = Calibration::default();
-    let model = Bicycle::new(&cal.truck);
     let slot = Slot { x_m: 103.0, speed_mps: 18.5, weight: 80.0 };
     for (obstacle, slot) in [(None, None), (Some(van()), None), (None, Some(slot))] {
         let (seen, request) = (seen(obstacle), Request { slot, ..request() });
         let surroundings = Surroundings::new(&cal.lml, &cal.truck, &seen);
-        let qp = build(&cal, &model, &surroundings, &seen, &request);
+        let qp = built(&cal, &surroundings, &seen, &request);
         let ego = &seen.ego;
         let closing_y = ego.cross_speed_mps();
         let safe =
@@ -133,11 +138,10 @@ fn the_qps_gradient_is_that_of_the_nonlinear_cost() {
 #[test]
 fn the_hessian_is_symmetric_and_positive_definite_even_on_top_of_an_obstacle() {
     let cal = Calibration::default();
-    let model = Bicycle::new(&cal.truck);
     let on_top = Obstacle { x_m: 100.0, y_m: 0.4, vx_mps: 18.0, ..van() };
     let seen = seen(Some(on_top));
     let surroundings = Surroundings::new(&cal.lml, &cal.truck, &seen);
-    let qp = build(&cal, &model, &surroundings, &seen, &request());
+    let qp = built(&cal, &surroundings, &seen, &request());
     assert_eq!(qp.hessian, qp.hessian.transpose());
     assert!(qp.hessian.cholesky().is_some());
     let solution = ActiveSet.solve(&qp, &mut WorkingSet::default());

@@ -1,13 +1,17 @@
 use super::*;
 use crate::bicycle::tests::textbook_slope;
 use crate::calibration::TruckBelief;
+use crate::wide::Work;
 
 const START: State = [18.0, 0.05, 0.02, 0.01, 5.0, 1.0];
 const PLAN: [[f64; 2]; BLOCKS] = [[2.0, 1.0], [5.0, 1.5], [-3.0, 0.5], [-8.0, -1.0], [0.0, -0.2]];
 
 fn all(start: &State, plan: &[[f64; 2]; BLOCKS]) -> [Instant; STEPS] {
-    let mut prediction = predict(&Bicycle::new(&TruckBelief::default()), start, plan);
-    core::array::from_fn(|_| prediction.next().expect("as many as there are steps"))
+    let mut instants = [Instant { state: [0.0; STATES], gain: [[0.0; WIDTH]; STATES] }; STEPS];
+    predict(&Bicycle::new(&TruckBelief::default()), start, plan, |k, instant| {
+        instants[k] = *instant;
+    });
+    instants
 }
 
 /// Two classical Runge-Kutta steps over a prediction step, of the textbook's equations.
@@ -76,4 +80,20 @@ fn a_rows_last_entry_is_what_the_plan_makes() {
             assert!((row[PLANNED] - planned).abs() < 1e-11, "{} {planned}", row[PLANNED]);
         }
     }
+}
+
+#[test]
+fn the_width_of_the_registers_changes_no_bit() {
+    let model = Bicycle::new(&TruckBelief::default());
+    let mut moving = Moving { core: [START[0], START[1], START[2]], heading: START[3] };
+    let mut group = Group::EMPTY;
+    for lane in 0..LANES {
+        group.roll(&model, &mut moving, PLAN[lane], lane);
+    }
+    let work = Linearise { model: &model, group: &group };
+    let bits = |tangent: Tangent| {
+        let columns = tangent.columns.map(|column| column.map(|lanes| lanes.0.map(f64::to_bits)));
+        (columns, tangent.way.map(|lanes| lanes.0.map(f64::to_bits)))
+    };
+    assert_eq!(bits(widest(work)), bits(work.run()));
 }

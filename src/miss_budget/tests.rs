@@ -1,0 +1,64 @@
+use bench_sim::TruckResult;
+use clap::Parser;
+
+use super::*;
+use crate::cli::{Cli, Verb};
+
+fn args(words: &[&str]) -> MissBudgetArgs {
+    let cli = Cli::parse_from([&["platoon", "miss-budget"], words].concat());
+    match cli.verb {
+        Some(Verb::MissBudget(args)) => args,
+        other => panic!("{other:?}"),
+    }
+}
+
+fn search(args: &MissBudgetArgs) -> Result<Search<'_>, Failure> {
+    let cell = Cell::new(&args.scenario, &args.set, None, args.rate_hz)?;
+    Search::new(args, cell, Arc::new(AtomicBool::new(false)))
+}
+
+const SHORT: [&str; 7] =
+    ["platooning", "--rate-hz", "20", "--set", "duration_s=4.0", "--instants", "2"];
+
+#[test]
+fn a_truck_without_commands_loses_clearance_and_the_worst_tick_is_told() {
+    let args = args(&[&SHORT[..], &["--misses-max", "40"]].concat());
+    let mut search = search(&args).expect("the scenario is built in");
+    let one = search.worst(1, [].iter()).expect("runs");
+    let many = search.worst(40, [].iter()).expect("runs");
+    assert!(many.loss_m > one.loss_m && many.loss_m > 0.0, "{one:?} {many:?}");
+    assert!((many.silence_ms - 2000.0).abs() < 1e-9);
+    assert!(many.tried > 2 && many.tick <= 40);
+}
+
+#[test]
+fn bursts_last_as_many_ticks_as_there_are_misses() {
+    let args = args(&SHORT);
+    let search = search(&args).expect("the scenario is built in");
+    for (misses, tick) in [(1, 0), (3, 7), (17, 60)] {
+        let cell = search.disturbed(misses, tick);
+        assert_eq!(cell.faults.len(), cell.scenario.platoon.trucks);
+        let missed = |tick: u64| cell.faults[0].stops(0, tick as f64 * 50_000_000.0 * 1e-9);
+        let found: Vec<u64> = (0..80).filter(|&tick| missed(tick)).collect();
+        assert_eq!(found, (tick..tick + u64::from(misses)).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn losses_to_obstacles_and_to_trucks_count_each_for_themselves() {
+    let truck = |obstacle_m, gap_m| TruckResult {
+        min_obstacle_clearance_m: obstacle_m,
+        min_truck_gap_m: Some(gap_m),
+        ..TruckResult::default()
+    };
+    let results = |trucks| Results { trucks, ..Results::default() };
+    let was = results(vec![truck(Some(1.0), 40.0), truck(None, 40.0)]);
+    let is = results(vec![truck(Some(0.9), 40.5), truck(None, 38.0)]);
+    assert_eq!(loss(&was, &is), (1, 2.0, 38.0));
+}
+
+#[test]
+fn a_truck_nobody_drives_is_refused_with_a_reason() {
+    let args = args(&["platooning", "--rate-hz", "20", "--truck", "9"]);
+    assert!(search(&args).is_err());
+}
