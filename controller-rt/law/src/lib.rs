@@ -35,10 +35,11 @@ mod surroundings;
 mod ucl;
 mod weight;
 
-/// The parts of a step, for benchmarks; they change without notice.
+/// The parts of a step, for benchmarks and pictures; they change without notice.
 #[doc(hidden)]
 pub mod parts {
     pub use crate::bicycle::Bicycle;
+    pub use crate::potential::SafeDistance;
     pub use crate::prediction::{Prediction, predict};
 }
 
