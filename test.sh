@@ -264,6 +264,7 @@ step_interop() {
     python tests/interop/python_can_run.py "$(platoon_path)"
     "$(example_path sample_run)" "$scratch/sample"
     python tests/interop/mcap_readers.py "$scratch/sample/run.mcap"
+    python tests/interop/foxglove_live.py "$(platoon_path)" "$scratch/live"
     python tests/interop/commonroad_plant.py "$(example_path plant_trajectories)"
     python tests/interop/cvxpy_gains.py controller-rt/gains
 }

@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use crate::failure::Failure;
 use crate::fault::Fault;
 use crate::gain::GainArgs;
+use crate::live;
 use crate::vcan::VcanArgs;
 
 pub use compare_options::{CompareArgs, Part};
@@ -134,6 +135,14 @@ pub struct RehearseArgs {
     /// Announce the socketcand gateway by UDP broadcast on port 42000; SavvyCAN finds it only so.
     #[arg(long, requires = "socketcand")]
     pub socketcand_beacon: bool,
+    /// Serve the run to Foxglove and Lichtblick while it lasts, at ws://127.0.0.1:PORT; port 0
+    /// takes any that is free.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true,
+        default_missing_value = live::PORT_DEFAULT)]
+    pub live: Option<u16>,
+    /// Show the run in the terminal while it lasts; without a terminal the progress line stays.
+    #[arg(long)]
+    pub tui: bool,
     /// Folder for the run's files; it must not hold a run already
     /// (default: `runs/<time>-<scenario>`).
     #[arg(long, value_name = "DIR")]

@@ -211,7 +211,8 @@ fn write(
             ("until_s".to_owned(), (times.end as f64 * 1e-9).to_string()),
         ]),
     );
-    let options = MergeOptions { attachments: trace.attachments().to_vec(), metadata };
+    let attachments = trace.attachments().to_vec();
+    let options = MergeOptions { attachments, metadata, ..MergeOptions::default() };
     let merged = traces::merge(&parts, &args.out, &options);
     for part in parts {
         // A part that cannot be removed only takes room.

@@ -198,5 +198,6 @@ fn options(args: &ImportArgs, log: &Log, buses: &BTreeMap<String, u8>) -> MergeO
             ("platoon.run".to_owned(), BTreeMap::from([origin])),
             ("platoon.bus".to_owned(), named.collect()),
         ]),
+        ..MergeOptions::default()
     }
 }

@@ -20,6 +20,15 @@ impl ProgressLine {
         } else {
             ProgressDrawTarget::hidden()
         };
+        Self::on(target, duration_s)
+    }
+
+    /// A line that nobody sees, where something else is drawn.
+    pub fn hidden() -> Self {
+        Self::on(ProgressDrawTarget::hidden(), 1.0)
+    }
+
+    fn on(target: ProgressDrawTarget, duration_s: f64) -> Self {
         let bar = ProgressBar::with_draw_target(Some((duration_s * STEPS_PER_S) as u64), target);
         let style =
             ProgressStyle::with_template("{bar:32.cyan/dim} {msg}  (Ctrl-C ends it cleanly)")

@@ -24,6 +24,7 @@ use crate::failure::Failure;
 use crate::fault::{Fault, FaultKind};
 use crate::gain::{self, Settled};
 use crate::gateway::Gateway;
+use crate::live::Live;
 use crate::process;
 use crate::report;
 use crate::run_folder::RunFolder;
@@ -43,6 +44,12 @@ struct Plan<'a> {
     gain_note: Option<String>,
     /// Rate of the control loop \[Hz\].
     rate_hz: u32,
+}
+
+/// Who serves others while a run is on.
+struct Beside {
+    gateway: Option<Gateway>,
+    live: Option<Live>,
 }
 
 /// How a run ended, before it is judged.
@@ -70,8 +77,10 @@ pub fn run(args: &RehearseArgs) -> Result<Verdict, Failure> {
         let bus = BusChoice::for_run(args.bus, &args.place, plan.trucks())?;
         let gateway = real_time::start_gateway(&plan, &bus)?;
         let folder = RunFolder::create(args.out.as_deref(), &args.scenario)?;
-        plan.announce(&bus, gateway.as_ref());
-        plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus, gateway))
+        let live = real_time::start_live(&plan, &folder)?;
+        plan.announce(&bus, gateway.as_ref(), live.as_ref());
+        let beside = Beside { gateway, live };
+        plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus, beside))
     }
 }
 
@@ -102,6 +111,14 @@ impl<'a> Plan<'a> {
                 args.timing.cpus,
                 environment().online_cpus
             )));
+        }
+        if (args.live.is_some() || args.tui) && (args.virtual_time || args.bus == BusKind::Loopback)
+        {
+            return Err(Failure::usage(
+                "--live and --tui: virtual time is over before anybody looks; leave out \
+                 --virtual-time (and --bus loopback), or look at the run's report.html and \
+                 run.mcap afterwards",
+            ));
         }
         if let Some(path) = &args.json {
             process::check_parent("--json", path)?;
@@ -170,7 +187,7 @@ impl<'a> Plan<'a> {
     }
 
     /// Says loudly which bus it is and why, and who may attach.
-    fn announce(&self, bus: &BusChoice, gateway: Option<&Gateway>) {
+    fn announce(&self, bus: &BusChoice, gateway: Option<&Gateway>, live: Option<&Live>) {
         anstream::eprintln!(
             "{}: {} trucks at {} Hz, {:.0} s, on bus {} ({})",
             self.scenario.name,
@@ -180,6 +197,9 @@ impl<'a> Plan<'a> {
             bus.backend(),
             bus.reason
         );
+        if let Some(address) = live.map(Live::address) {
+            anstream::eprintln!("Foxglove and Lichtblick may look at ws://{address}");
+        }
         let Some(address) = gateway.map(Gateway::address) else { return };
         anstream::eprintln!("socketcand clients may attach at {address}");
         if !address.ip().is_loopback() {

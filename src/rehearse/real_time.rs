@@ -17,16 +17,19 @@ use vcan_setup::floor::{self, Floor, FloorOptions, Sentinel};
 use vcan_setup::pauses::PauseLog;
 use vcan_setup::realtime::environment;
 
-use super::{Floors, Outcome, Plan};
+use super::{Beside, Floors, Outcome, Plan};
 use crate::bench::{ProgressMessage, RigReport};
 use crate::bus::BusChoice;
 use crate::cli::{EcuChoice, Word};
+use crate::dashboard::{self, Dashboard};
 use crate::failure::Failure;
 use crate::fault::{Fault, FaultKind};
 use crate::gateway::{Buses, Gateway};
+use crate::live::{Feed, Live};
 use crate::process;
 use crate::progress::ProgressLine;
 use crate::run_folder::RunFolder;
+use crate::scenery;
 
 /// How long processes may take to end by themselves once they should.
 const GRACE: Duration = Duration::from_secs(5);
@@ -45,9 +48,13 @@ pub(super) fn run(
     plan: &Plan<'_>,
     folder: &RunFolder,
     bus: &BusChoice,
-    gateway: Option<Gateway>,
+    beside: Beside,
 ) -> Result<Outcome, Failure> {
-    let line = ProgressLine::new(plan.scenario.duration_s);
+    let dashboard = start_dashboard(plan, folder)?;
+    let line = match dashboard {
+        Some(_) => ProgressLine::hidden(),
+        None => ProgressLine::new(plan.scenario.duration_s),
+    };
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
@@ -60,14 +67,20 @@ pub(super) fn run(
         .map_err(Failure::cannot_start)?;
     let outcome = runtime.block_on(supervise(plan, folder, bus, &line, &pauses.path()));
     line.clear();
-    let beside = sentinel.stop();
-    let floor = Some(Floors { before, beside, after: measure_floor(plan, alone)? });
-    let served = gateway.map(|gateway| {
+    dashboard.into_iter().for_each(Dashboard::finish);
+    let beneath = sentinel.stop();
+    let floor = Some(Floors { before, beside: beneath, after: measure_floor(plan, alone)? });
+    let shown = beside.live.map(|live| {
+        let lost = "live view: it ended before the run".to_owned();
+        live.finish().map_or(lost, |report| report.to_string())
+    });
+    let served = beside.gateway.map(|gateway| {
         let lost = "socketcand: the gateway ended before the run".to_owned();
         gateway.finish().map_or(lost, |report| report.to_string())
     });
     outcome.map(|mut outcome| {
         outcome.notes.extend(served);
+        outcome.notes.extend(shown);
         Outcome { floor, ..outcome }
     })
 }
@@ -80,6 +93,44 @@ pub(super) fn start_gateway(plan: &Plan<'_>, bus: &BusChoice) -> Result<Option<G
     let Some(place) = plan.args.gateway() else { return Ok(None) };
     let buses = Buses::new(bus.address().clone(), separate_ecus(plan).collect());
     Gateway::start(place, buses).map(Some)
+}
+
+/// Lets others look on, where that is asked for.
+///
+/// # Errors
+/// When its port cannot be had.
+pub(super) fn start_live(plan: &Plan<'_>, folder: &RunFolder) -> Result<Option<Live>, Failure> {
+    let Some(port) = plan.args.live else { return Ok(None) };
+    Live::start(port, format!("platoon {}", plan.scenario.name), feed(plan, folder)).map(Some)
+}
+
+/// What rig and ECUs record, for those who look on.
+fn feed(plan: &Plan<'_>, folder: &RunFolder) -> Feed {
+    let scenery = scenery::of(&plan.scenario, &plan.calibration);
+    Feed::new(folder, plan.trucks(), scenery)
+}
+
+/// Takes the terminal over, where that is asked for and there is one.
+fn start_dashboard(plan: &Plan<'_>, folder: &RunFolder) -> Result<Option<Dashboard>, Failure> {
+    if !plan.args.tui {
+        return Ok(None);
+    }
+    if !dashboard::has_terminal() {
+        anstream::eprintln!("--tui: standard output is no terminal; going on without a dashboard");
+        return Ok(None);
+    }
+    let road = &plan.scenario.road;
+    let width_m = road.left_edge_y_m - road.right_edge_y_m;
+    let run = dashboard::Run {
+        scenario: plan.scenario.name.clone(),
+        duration_s: plan.scenario.duration_s,
+        period_ns: 1_000_000_000 / u64::from(plan.rate_hz),
+        trucks: plan.trucks(),
+        right_edge_y_m: road.right_edge_y_m,
+        lane_width_m: road.lane_width_m,
+        lanes: (width_m / road.lane_width_m.max(1.0)).round().clamp(1.0, 9.0) as usize,
+    };
+    Dashboard::start(run, feed(plan, folder)).map(Some)
 }
 
 /// How the sentinel measures how late this machine wakes a thread that does nothing else.

@@ -11,10 +11,7 @@ use super::{Outcome, Plan, describe_environment};
 use crate::bus::BusChoice;
 use crate::cli::Word;
 use crate::run_folder::RunFolder;
-
-/// Least bench time between two decoded messages of one kind on one bus \[ns\]: enough to plot, and
-/// every frame is there to be decoded at full rate.
-const DECODED_PERIOD_NS: u64 = 10_000_000;
+use crate::scenery;
 
 /// Merges what there is into `run.mcap` and removes the parts; what a killed process lost comes
 /// back as notes.
@@ -33,8 +30,9 @@ pub(super) fn merge(
         .filter(|path| path.exists())
         .collect();
     let options = options(plan, bus, outcome);
-    let report = traces::merge_thinned(&parts, &folder.trace(), &options, DECODED_PERIOD_NS)
-        .map_err(|error| format!("no trace: {error}"))?;
+    let report =
+        traces::merge_thinned(&parts, &folder.trace(), &options, scenery::SIGNALS_PERIOD_NS)
+            .map_err(|error| format!("no trace: {error}"))?;
     for part in &parts {
         // A part that cannot be removed only takes room.
         let _ = fs::remove_file(part);
@@ -74,6 +72,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
             ("platoon.realtime".to_owned(), describe_privileges(outcome)),
             ("platoon.floor_us".to_owned(), describe_floor(outcome)),
         ]),
+        scenery: scenery::of(&plan.scenario, &plan.calibration),
     }
 }
 

@@ -144,6 +144,7 @@ fn rewritten(run: &Run, mut change: impl FnMut(&FrameRecord) -> Frame) -> PathBu
             "platoon.run".into(),
             reader.metadata()["platoon.run"].clone(),
         )]),
+        ..MergeOptions::default()
     };
     let forged = run.out().join("forged.mcap");
     traces::merge(&parts, &forged, &options).expect("merges");

@@ -55,6 +55,7 @@ fn options(seconds: u32) -> MergeOptions {
             attachment("scenario.toml", "application/toml", &format!("duration_s = {seconds}\n")),
         ],
         metadata: BTreeMap::from([("run".to_owned(), run.into())]),
+        ..MergeOptions::default()
     }
 }
 

@@ -16,6 +16,7 @@
 //! | `/rig/dropped`, `/ecu<i>/dropped` | protobuf | each | gaps, [`DroppedRecord`] |
 //! | `/bus<i>/<Message>` | protobuf | merge | signals of `platoon.dbc`; units in channel metadata |
 //! | `/scene` | protobuf | merge | `foxglove.SceneUpdate` at 20 Hz |
+//! | `/tf` | protobuf | merge | `foxglove.FrameTransform` of the frame `platoon`, at 20 Hz |
 //!
 //! Log time is the wall clock at the run's start plus bench time; publish time is the kernel's
 //! receive stamp where there is one. Metadata `platoon.merged` tells the log time of bench time
@@ -44,8 +45,10 @@
 //! ```
 
 mod cdr;
+mod derived;
 mod dropped;
 mod fields;
+mod foxglove;
 mod frame;
 mod input;
 mod list;
@@ -59,6 +62,7 @@ mod recorder;
 mod ring;
 mod scan;
 mod scene;
+mod scenery;
 mod schema;
 mod signals;
 mod sorted;
@@ -68,6 +72,7 @@ mod truth;
 mod wire;
 mod writer;
 
+pub use derived::{Derivation, Derived};
 pub use dropped::DroppedRecord;
 pub use frame::FrameRecord;
 pub use input::PartReport;
@@ -79,7 +84,8 @@ pub use record::Record;
 pub use recorder::{Finished, Overflow, Recorder, RecorderError, RecorderOptions};
 pub use ring::{Capacity, Counts, Recordable};
 pub use scan::{Attachment, Loss};
+pub use scenery::{Reach, Scenery};
 pub use tick::{GuardReason, MissCause, TickOutcome, TickRecord};
-pub use topic::{Source, Topic};
+pub use topic::{Offer, Source, Topic};
 pub use truth::{OBSTACLES_MAX, ObstacleKind, ObstacleTruth, TRUCKS_MAX, TruckTruth, TruthRecord};
 pub use wire::DecodeError;

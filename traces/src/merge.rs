@@ -19,6 +19,7 @@ use crate::input::{Input, PartReport};
 use crate::merged::Merged;
 use crate::reader::Message;
 use crate::scan::Attachment;
+use crate::scenery::Scenery;
 
 /// Name of the metadata record that says what each part held.
 const PARTS: &str = "platoon.parts";
@@ -30,6 +31,8 @@ pub struct MergeOptions {
     pub attachments: Vec<Attachment>,
     /// Metadata records by name, such as version, seed, and the machine.
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
+    /// What scenes show besides trucks and obstacles.
+    pub scenery: Scenery,
 }
 
 /// Why there is no merged trace.
@@ -163,7 +166,8 @@ fn write_all(
 ) -> Result<(u64, u64), McapError> {
     let start_wall_ns = inputs.iter().find_map(Input::start_wall_ns).unwrap_or(0);
     inputs.iter_mut().for_each(|input| input.assume_start_wall_ns(start_wall_ns));
-    let mut merged = Merged::create(file, start_wall_ns, decoded_period_ns)?;
+    let scenery = options.scenery.clone();
+    let mut merged = Merged::create(file, start_wall_ns, scenery, decoded_period_ns)?;
     for (name, pairs) in &options.metadata {
         merged.metadata(name, pairs.clone())?;
     }

@@ -151,8 +151,7 @@ impl Reader {
             return Ok(None);
         }
         let layout = scan::scan(&mut source, length)?;
-        let note = |name| layout.metadata.get(name)?.get("start_wall_ns")?.parse().ok();
-        let start_wall_ns = note(PART).or_else(|| note(MERGED));
+        let start_wall_ns = start_wall_ns(&layout);
         Ok(Some(Self {
             source,
             layout,
@@ -165,6 +164,18 @@ impl Reader {
             channels: HashMap::new(),
             ready: VecDeque::new(),
         }))
+    }
+
+    /// Finds what was written since the file was opened or last refreshed, so that a run can be
+    /// read while it is recorded.
+    ///
+    /// # Errors
+    /// When the file cannot be read any more.
+    pub fn refresh(&mut self) -> io::Result<()> {
+        let length = self.source.seek(SeekFrom::End(0))?;
+        self.layout.resume(&mut self.source, length)?;
+        self.start_wall_ns = self.start_wall_ns.or_else(|| start_wall_ns(&self.layout));
+        Ok(())
     }
 
     /// Keeps only messages of these topics.
@@ -312,6 +323,12 @@ impl Iterator for Reader {
         }
         self.ready.pop_front()
     }
+}
+
+/// Log time of bench time 0, as the file's own notes have it.
+fn start_wall_ns(layout: &Layout) -> Option<u64> {
+    let note = |name| layout.metadata.get(name)?.get("start_wall_ns")?.parse().ok();
+    note(PART).or_else(|| note(MERGED))
 }
 
 /// A chunk's checksum is verified before its contents are believed.

@@ -68,6 +68,11 @@ pub(crate) struct Layout {
     pub(crate) metadata: BTreeMap<String, BTreeMap<String, String>>,
     pub(crate) attachments: Vec<Attachment>,
     pub(crate) loss: Loss,
+    /// Behind the last whole record.
+    end: u64,
+    /// Bytes behind it.
+    rest: u64,
+    in_summary: bool,
 }
 
 /// Whether the file begins as an MCAP file does.
@@ -82,33 +87,9 @@ pub(crate) fn has_magic(source: &mut impl Read) -> io::Result<bool> {
 
 /// Walks the records from behind the magic bytes to the footer.
 pub(crate) fn scan(source: &mut (impl Read + Seek), file_length: u64) -> io::Result<Layout> {
-    let mut layout = Layout::default();
-    let mut offset = MAGIC.len() as u64;
-    let mut in_summary = false;
-    loop {
-        let rest = file_length.saturating_sub(offset);
-        let Some((opcode, body)) = envelope(source, rest)? else {
-            layout.loss.is_truncated = true;
-            layout.loss.bytes += rest;
-            return Ok(layout);
-        };
-        let span = Span { opcode, offset, length: ENVELOPE + body };
-        match opcode {
-            op::FOOTER => return Ok(layout),
-            op::DATA_END => in_summary = true,
-            op::STATISTICS => layout.compare_statistics(&read_body(source, body.min(64))?),
-            op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE if !in_summary => {
-                layout.spans.push(span);
-            }
-            op::METADATA | op::ATTACHMENT if body <= SIDE_RECORD_MAX => {
-                let bytes = read_body(source, body)?;
-                layout.take_side_record(opcode, &bytes);
-            }
-            _ => {}
-        }
-        offset += span.length;
-        source.seek(SeekFrom::Start(offset))?;
-    }
+    let mut layout = Layout { end: MAGIC.len() as u64, ..Layout::default() };
+    layout.resume(source, file_length)?;
+    Ok(layout)
 }
 
 /// The next record's opcode and body length, if such a record fits into the `rest` of the file.
@@ -131,6 +112,41 @@ fn read_body(source: &mut impl Read, length: u64) -> io::Result<Vec<u8>> {
 }
 
 impl Layout {
+    /// Walks on from where the file ended before.
+    pub(crate) fn resume(
+        &mut self,
+        source: &mut (impl Read + Seek),
+        file_length: u64,
+    ) -> io::Result<()> {
+        self.loss.is_truncated = false;
+        self.loss.bytes -= std::mem::take(&mut self.rest);
+        loop {
+            source.seek(SeekFrom::Start(self.end))?;
+            let rest = file_length.saturating_sub(self.end);
+            let Some((opcode, body)) = envelope(source, rest)? else {
+                self.loss.is_truncated = true;
+                self.loss.bytes += rest;
+                self.rest = rest;
+                return Ok(());
+            };
+            let span = Span { opcode, offset: self.end, length: ENVELOPE + body };
+            match opcode {
+                op::FOOTER => return Ok(()),
+                op::DATA_END => self.in_summary = true,
+                op::STATISTICS => self.compare_statistics(&read_body(source, body.min(64))?),
+                op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE if !self.in_summary => {
+                    self.spans.push(span);
+                }
+                op::METADATA | op::ATTACHMENT if body <= SIDE_RECORD_MAX => {
+                    let bytes = read_body(source, body)?;
+                    self.take_side_record(opcode, &bytes);
+                }
+                _ => {}
+            }
+            self.end += span.length;
+        }
+    }
+
     fn take_side_record(&mut self, opcode: u8, bytes: &[u8]) {
         match mcap::parse_record(opcode, bytes) {
             Ok(Record::Metadata(record)) => {

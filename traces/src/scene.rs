@@ -1,131 +1,157 @@
-//! The world as boxes: `foxglove.SceneUpdate`, for the 3D panels of Foxglove and Lichtblick.
+//! The world as boxes and lines: `foxglove.SceneUpdate`, for the 3D panels of Foxglove and
+//! Lichtblick, and the frame by which a camera follows the platoon.
 //!
-//! A subset of the well-known schema with its official names and field numbers, see
-//! <https://docs.foxglove.dev/docs/sdk/schemas/scene-update>. Heights and colours are for the
-//! eye only; nothing else in the trace has them.
+//! Heights and colours are for the eye only; nothing else in the trace has them.
 
-use crate::schema::{message, message_field};
+use crate::foxglove::{
+    Color, CubePrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
+    SceneEntity, SceneUpdate, TextPrimitive, Timestamp, Vector3,
+};
+use crate::scenery::Scenery;
 use crate::truth::{ObstacleKind, ObstacleTruth, TruckTruth, TruthRecord};
 
 /// The coordinate frame of the road: X along it, Y to the left, Z up.
 const FRAME: &str = "road";
-/// How long a box stays without an update; a few updates, so that gone obstacles vanish.
-const LIFETIME_NS: u64 = 200_000_000;
+/// The frame that moves along the road with the platoon's middle.
+const PLATOON_FRAME: &str = "platoon";
+/// Time between two scenes: 20 Hz is smooth to the eye.
+pub(crate) const PERIOD_NS: u64 = 50_000_000;
+/// Time between two drawings of the road, and of the potential field.
+const ROAD_PERIOD_NS: u64 = 1_000_000_000;
+const FIELD_PERIOD_NS: u64 = 200_000_000;
+/// How long a thing stays without an update, in its periods; so that gone obstacles vanish.
+const LIFETIME_PERIODS: u64 = 4;
 const TRUCK_HEIGHT_M: f64 = 3.5;
-
-message! {
-    /// Seconds and nanoseconds since 1970.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Timestamp = "google.protobuf.Timestamp" {
-        1 seconds: i64,
-        2 nanos: i32,
-    }
-}
-
-message! {
-    /// A span of time.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Duration = "google.protobuf.Duration" {
-        1 seconds: i64,
-        2 nanos: i32,
-    }
-}
-
-message! {
-    /// A vector or a size \[m\].
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Vector3 = "foxglove.Vector3" {
-        1 x: f64,
-        2 y: f64,
-        3 z: f64,
-    }
-}
-
-message! {
-    /// A rotation.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Quaternion = "foxglove.Quaternion" {
-        1 x: f64,
-        2 y: f64,
-        3 z: f64,
-        4 w: f64,
-    }
-}
-
-message! {
-    /// A position and a rotation.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Pose = "foxglove.Pose" {
-        1 position: Vector3,
-        2 orientation: Quaternion,
-    }
-}
-
-message! {
-    /// A colour, each part from 0 to 1.
-    #[derive(Debug, Clone, Copy, PartialEq, Default)]
-    pub(crate) struct Color = "foxglove.Color" {
-        1 r: f64,
-        2 g: f64,
-        3 b: f64,
-        4 a: f64,
-    }
-}
-
-message! {
-    /// A box around its pose's origin.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct CubePrimitive = "foxglove.CubePrimitive" {
-        1 pose: Pose,
-        2 size: Vector3,
-        3 color: Color,
-    }
-}
-
-message! {
-    /// A label that faces the viewer.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct TextPrimitive = "foxglove.TextPrimitive" {
-        1 pose: Pose,
-        2 billboard: bool,
-        3 font_size: f64,
-        4 scale_invariant: bool,
-        5 color: Color,
-        6 text: String,
-    }
-}
-
-message! {
-    /// One thing in the scene.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct SceneEntity = "foxglove.SceneEntity" {
-        1 timestamp: Timestamp,
-        2 frame_id: String,
-        3 id: String,
-        4 lifetime: Duration,
-        8 cubes: Vec<CubePrimitive>,
-        13 texts: Vec<TextPrimitive>,
-    }
-}
-
-message! {
-    /// Things to add or replace.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct SceneUpdate = "foxglove.SceneUpdate" {
-        2 entities: Vec<SceneEntity>,
-    }
-}
-
-message_field! {
-    Timestamp, Duration, Vector3, Quaternion, Pose, Color,
-}
+/// How far the road reaches ahead of the leader and behind the last truck \[m\].
+const ROAD_AHEAD_M: f64 = 250.0;
+/// A dash of a lane line and the distance to the next one's start \[m\].
+const DASH_M: f64 = 4.5;
+const DASHES_M: f64 = 12.0;
+/// Shares of the safe distance at which the potential field has a contour, and points of each.
+const CONTOURS: [f64; 3] = [1.0, 0.7, 0.45];
+const CONTOUR_POINTS: usize = 40;
 
 const TRUCK_COLOR: Color = Color { r: 0.16, g: 0.42, b: 0.76, a: 1.0 };
 const LEADER_COLOR: Color = Color { r: 0.10, g: 0.60, b: 0.42, a: 1.0 };
 const LABEL_COLOR: Color = Color { r: 1.0, g: 1.0, b: 1.0, a: 1.0 };
+const ROAD_COLOR: Color = Color { r: 0.22, g: 0.24, b: 0.27, a: 1.0 };
+const MARKING_COLOR: Color = Color { r: 0.85, g: 0.85, b: 0.85, a: 1.0 };
+const FIELD_COLOR: Color = Color { r: 0.95, g: 0.45, b: 0.15, a: 1.0 };
 
-/// The boxes of a world state. `log_time_ns` is its time since 1970.
-pub(crate) fn update(truth: &TruthRecord, log_time_ns: u64) -> SceneUpdate {
+/// What is seen of a world state, `log_time_ns` after 1970. The road and the field change slowly
+/// and are not in every update.
+pub(crate) fn update(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> SceneUpdate {
+    let is_due = |period_ns: u64| truth.time_ns % period_ns < PERIOD_NS;
+    let road = is_due(ROAD_PERIOD_NS).then(|| road(truth, scenery, log_time_ns)).flatten();
+    let field = is_due(FIELD_PERIOD_NS).then(|| field(truth, scenery, log_time_ns)).flatten();
+    let boxes = boxes(truth, log_time_ns);
+    SceneUpdate { entities: boxes.into_iter().chain(road).chain(field).collect() }
+}
+
+/// Where the platoon is on the road; none without trucks.
+pub(crate) fn transform(truth: &TruthRecord, log_time_ns: u64) -> Option<FrameTransform> {
+    let (rear_m, front_m) = extent(truth)?;
+    Some(FrameTransform {
+        timestamp: Timestamp::of(log_time_ns),
+        parent_frame_id: FRAME.into(),
+        child_frame_id: PLATOON_FRAME.into(),
+        translation: Vector3 { x: (rear_m + front_m) / 2.0, y: 0.0, z: 0.0 },
+        rotation: Quaternion { w: 1.0, ..Quaternion::default() },
+    })
+}
+
+/// From the last truck to the first along the road \[m\].
+fn extent(truth: &TruthRecord) -> Option<(f64, f64)> {
+    let places = || truth.trucks.iter().map(|truck| truck.x_m);
+    Some((places().reduce(f64::min)?, places().reduce(f64::max)?))
+}
+
+/// Edges, lane lines and surface of the road around the platoon.
+fn road(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
+    let [right_m, left_m] = scenery.edges_m?;
+    let (rear_m, front_m) = extent(truth)?;
+    let (from_m, to_m) = (rear_m - ROAD_AHEAD_M, front_m + ROAD_AHEAD_M);
+    let edge = |y_m: f64| line(0.2, MARKING_COLOR, [(from_m, y_m), (to_m, y_m)]);
+    let first = (from_m / DASHES_M).floor() as i64;
+    let dashes = ((to_m - from_m) / DASHES_M) as i64;
+    let dash = |y_m: f64, number: i64| CubePrimitive {
+        pose: flat(number as f64 * DASHES_M + DASH_M / 2.0, y_m, 0.0),
+        size: Vector3 { x: DASH_M, y: 0.15, z: 0.02 },
+        color: MARKING_COLOR,
+    };
+    let surface = CubePrimitive {
+        pose: flat((from_m + to_m) / 2.0, (right_m + left_m) / 2.0, -0.06),
+        size: Vector3 { x: to_m - from_m, y: left_m - right_m, z: 0.1 },
+        color: ROAD_COLOR,
+    };
+    let lanes = scenery.lane_lines_m.iter();
+    let dashed = lanes.flat_map(|y_m| (first..first + dashes).map(|number| dash(*y_m, number)));
+    Some(SceneEntity {
+        cubes: std::iter::once(surface).chain(dashed).collect(),
+        lines: vec![edge(right_m), edge(left_m)],
+        ..empty("road".into(), log_time_ns, ROAD_PERIOD_NS)
+    })
+}
+
+/// Contours of the potential field around each obstacle, as the truck nearest behind feels it.
+fn field(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
+    let reach = scenery.reach.as_ref()?;
+    let present = truth.obstacles.iter().filter(|obstacle| obstacle.present);
+    let lines = present.filter_map(|obstacle| {
+        let gap_m = |truck: &&TruckTruth| (obstacle.x_m - truck.x_m).abs();
+        let nearest = truth.trucks.iter().min_by(|a, b| gap_m(a).total_cmp(&gap_m(b)))?;
+        let [x_m, y_m] = reach.of(nearest, obstacle);
+        Some(CONTOURS.map(|share| contour(obstacle, share, [share * x_m, share * y_m])))
+    });
+    let lines: Vec<LinePrimitive> = lines.flatten().collect();
+    Some(SceneEntity { lines, ..empty("potential field".into(), log_time_ns, FIELD_PERIOD_NS) })
+}
+
+/// An ellipse around an obstacle: there, the normalised distance of Eq. 20 is `share`.
+fn contour(obstacle: &ObstacleTruth, share: f64, half_m: [f64; 2]) -> LinePrimitive {
+    let point = |number: usize| {
+        let turn = core::f64::consts::TAU * number as f64 / CONTOUR_POINTS as f64;
+        (obstacle.x_m + half_m[0] * turn.cos(), obstacle.y_m + half_m[1] * turn.sin())
+    };
+    let color = Color { a: 1.1 - share, ..FIELD_COLOR };
+    line(0.15, color, (0..=CONTOUR_POINTS).map(point))
+}
+
+fn line(
+    thickness: f64,
+    color: Color,
+    points: impl IntoIterator<Item = (f64, f64)>,
+) -> LinePrimitive {
+    LinePrimitive {
+        pose: flat(0.0, 0.0, 0.0),
+        thickness,
+        scale_invariant: false,
+        points: points.into_iter().map(|(x, y)| Point3 { x, y, z: 0.05 }).collect(),
+        color,
+    }
+}
+
+/// A pose along the road.
+fn flat(x: f64, y: f64, z: f64) -> Pose {
+    Pose {
+        position: Vector3 { x, y, z },
+        orientation: Quaternion { w: 1.0, ..Quaternion::default() },
+    }
+}
+
+/// A thing without shape yet.
+fn empty(id: String, log_time_ns: u64, period_ns: u64) -> SceneEntity {
+    SceneEntity {
+        timestamp: Timestamp::of(log_time_ns),
+        frame_id: FRAME.into(),
+        id,
+        lifetime: Duration::of(LIFETIME_PERIODS * period_ns),
+        ..SceneEntity::default()
+    }
+}
+
+/// The trucks and the obstacles that are there.
+fn boxes(truth: &TruthRecord, log_time_ns: u64) -> Vec<SceneEntity> {
     let trucks = truth.trucks.iter().enumerate().map(|(index, truck)| {
         let color = if index == 0 { LEADER_COLOR } else { TRUCK_COLOR };
         entity(format!("truck {index}"), log_time_ns, &truck_box(truck), color)
@@ -135,7 +161,7 @@ pub(crate) fn update(truth: &TruthRecord, log_time_ns: u64) -> SceneUpdate {
         let shape = obstacle_box(obstacle, height_m);
         entity(format!("obstacle {}", obstacle.number), log_time_ns, &shape, color)
     });
-    SceneUpdate { entities: trucks.chain(obstacles).collect() }
+    trucks.chain(obstacles).collect()
 }
 
 /// A box standing on the road.
@@ -181,8 +207,6 @@ const fn looks(kind: ObstacleKind) -> (f64, Color) {
 }
 
 fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> SceneEntity {
-    let (seconds, nanos) = split(log_time_ns);
-    let (lifetime_s, lifetime_ns) = split(LIFETIME_NS);
     let label = TextPrimitive {
         pose: pose(shape, shape.height_m + 1.0),
         billboard: true,
@@ -193,12 +217,9 @@ fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> Sc
     };
     let size = Vector3 { x: shape.length_m, y: shape.width_m, z: shape.height_m };
     SceneEntity {
-        timestamp: Timestamp { seconds, nanos },
-        frame_id: FRAME.into(),
-        id,
-        lifetime: Duration { seconds: lifetime_s, nanos: lifetime_ns },
         cubes: vec![CubePrimitive { pose: pose(shape, shape.height_m / 2.0), size, color }],
         texts: vec![label],
+        ..empty(id, log_time_ns, PERIOD_NS)
     }
 }
 
@@ -210,13 +231,10 @@ fn pose(shape: &StandingBox, z_m: f64) -> Pose {
     }
 }
 
-fn split(time_ns: u64) -> (i64, i32) {
-    ((time_ns / 1_000_000_000) as i64, (time_ns % 1_000_000_000) as i32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenery::Reach;
 
     #[test]
     fn a_trucks_box_reaches_from_its_rear_to_its_front() {
@@ -241,7 +259,34 @@ mod tests {
             let obstacle = ObstacleTruth { number, present, ..ObstacleTruth::default() };
             truth.obstacles.push(obstacle).expect("room");
         }
-        let ids: Vec<_> = update(&truth, 0).entities.into_iter().map(|thing| thing.id).collect();
+        let update = update(&truth, &Scenery::default(), 0);
+        let ids: Vec<_> = update.entities.into_iter().map(|thing| thing.id).collect();
         assert_eq!(ids, ["obstacle 1"]);
+    }
+
+    #[test]
+    fn road_and_field_are_around_the_platoon_and_not_in_every_update() {
+        let mut truth = TruthRecord::default();
+        for x_m in [500.0, 450.0] {
+            truth.trucks.push(TruckTruth { x_m, ..TruckTruth::default() }).expect("room");
+        }
+        let obstacle = ObstacleTruth { x_m: 520.0, present: true, ..ObstacleTruth::default() };
+        truth.obstacles.push(obstacle).expect("room");
+        // The nearest truck is the first one, 20 m behind.
+        let scenery = Scenery {
+            edges_m: Some([-2.0, 6.0]),
+            lane_lines_m: vec![2.0],
+            reach: Some(Reach::new(|truck, obstacle| [obstacle.x_m - truck.x_m, 3.0])),
+        };
+        let things = update(&truth, &scenery, 0).entities;
+        let road = things.iter().find(|thing| thing.id == "road").expect("a road");
+        assert!((road.cubes[0].pose.position.x - 475.0).abs() < 1e-9, "around the platoon");
+        let field = things.iter().find(|thing| thing.id == "potential field").expect("a field");
+        let outermost = &field.lines[0].points;
+        assert!((outermost[0].x - 540.0).abs() < 1e-9, "as far as the nearest truck feels it");
+        truth.time_ns = 50_000_000;
+        assert_eq!(update(&truth, &scenery, 0).entities.len(), 3, "trucks and obstacle alone");
+        let moved = transform(&truth, 0).expect("trucks");
+        assert!((moved.translation.x - 475.0).abs() < 1e-9);
     }
 }

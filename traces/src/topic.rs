@@ -3,6 +3,7 @@
 use core::fmt;
 use std::borrow::Cow;
 
+use crate::derived::Derived;
 use crate::dropped::DroppedRecord;
 use crate::frame::CAN_FRAME_DEFINITION;
 use crate::memory::MemoryRecord;
@@ -104,6 +105,45 @@ impl Topic {
             Self::Truth => Schema::protobuf::<TruthRecord>(),
             Self::Dropped(_) => Schema::protobuf::<DroppedRecord>(),
         }
+    }
+}
+
+/// How a channel is announced to those who read a run while it lasts.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Offer {
+    /// Topic name.
+    pub topic: String,
+    /// Encoding of its messages, such as `cdr` or `protobuf`.
+    pub encoding: &'static str,
+    /// Name of its schema.
+    pub schema_name: String,
+    /// Language of its schema, such as `ros2msg` or `protobuf`.
+    pub schema_encoding: &'static str,
+    /// The schema.
+    pub schema: Vec<u8>,
+}
+
+impl Offer {
+    fn new(topic: String, schema: Schema) -> Self {
+        Self {
+            topic,
+            encoding: schema.message_encoding,
+            schema_name: schema.name.into_owned(),
+            schema_encoding: schema.encoding,
+            schema: schema.data,
+        }
+    }
+}
+
+impl From<Topic> for Offer {
+    fn from(topic: Topic) -> Self {
+        Self::new(topic.to_string(), topic.schema())
+    }
+}
+
+impl From<Derived> for Offer {
+    fn from(derived: Derived) -> Self {
+        Self::new(derived.topic(), derived.schema())
     }
 }
 

@@ -36,10 +36,11 @@ mod ucl;
 mod weight;
 mod wide;
 
-/// The parts of a step, for benchmarks; they change without notice.
+/// The parts of a step, for benchmarks and pictures; they change without notice.
 #[doc(hidden)]
 pub mod parts {
     pub use crate::bicycle::Bicycle;
+    pub use crate::potential::SafeDistance;
     use crate::prediction::predict;
     use crate::qp::BLOCKS;
 

@@ -244,7 +244,8 @@ function still(story) {
       .filter((box) => box.x + box.front > from && box.x - box.rear < to)
       .map((box) => {
         const isTruck = box.truck !== undefined;
-        const isFree = isFreeAhead(box, boxes, 80 / unit);
+        const isFree = isFreeAhead(box, boxes, 80 / unit) &&
+          (box.x + box.front - from) * unit < wide - 66;
         const colour = isTruck ? `var(--truck${box.truck % 8})` : "var(--obstacle)";
         const left = (box.x - box.rear - from) * unit;
         const long = (box.front + box.rear) * unit;

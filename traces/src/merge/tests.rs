@@ -131,6 +131,7 @@ fn attachments_and_metadata_come_along() {
     let options = MergeOptions {
         attachments: vec![attachment.clone()],
         metadata: BTreeMap::from([("run".to_owned(), run.clone())]),
+        ..MergeOptions::default()
     };
     let out = folder.path("run.mcap");
     merge(&[rig], &out, &options).expect("merges");
