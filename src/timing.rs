@@ -2,8 +2,8 @@
 //!
 //! A tick that ends late on a machine that wakes threads late says nothing about the controller.
 //! The share of late ticks is therefore judged beside the share of late wake-ups of a thread that
-//! does nothing else, both with their statistical uncertainty. Slots that the program lost by itself,
-//! by the evidence of each miss, count against it on any machine.
+//! does nothing else, both with their statistical uncertainty. Slots that the program lost by
+//! itself, by the evidence of each miss, count against it on any machine.
 
 use controller_rt::Report;
 use serde::{Deserialize, Serialize};

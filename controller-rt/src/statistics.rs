@@ -1,10 +1,11 @@
 //! The loop's account of itself: distributions per phase, misses and their causes, skips.
 //!
 //! A tick *misses* when its last frame was handed to the bus after the end of its period, one
-//! period after it was due; why, the inquest finds. A slot is *skipped* when it could not start within half a period; it
-//! is not counted as missed besides. The wake-up that lost it is in the histogram of `wake` though,
-//! or the worst ones would be missing from it. Histograms have a fixed range, so counting never
-//! allocates; what exceeds the range is counted at its end, and `max` is exact.
+//! period after it was due; why, the inquest finds. A slot is *skipped* when it could not start
+//! within half a period; it is not counted as missed besides. The wake-up that lost it is in the
+//! histogram of `wake` though, or the worst ones would be missing from it. Histograms have a fixed
+//! range, so counting never allocates; what exceeds the range is counted at its end, and `max` is
+//! exact.
 
 use std::collections::BTreeMap;
 

@@ -16,9 +16,12 @@ pub struct Scenery {
     pub reach: Option<Reach>,
 }
 
+/// Half axes \[m\], along and across the road, that a law gives an obstacle's field for a truck.
+type HalfAxes = dyn Fn(&TruckTruth, &ObstacleTruth) -> [f64; 2] + Send + Sync;
+
 /// Half axes of an obstacle's potential field \[m\], along and across the road, for a truck.
 #[derive(Clone)]
-pub struct Reach(Arc<dyn Fn(&TruckTruth, &ObstacleTruth) -> [f64; 2] + Send + Sync>);
+pub struct Reach(Arc<HalfAxes>);
 
 impl Reach {
     /// Half axes as a law has them.

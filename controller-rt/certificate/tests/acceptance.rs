@@ -193,7 +193,13 @@ fn a_proof_for_corners_holds_at_every_plant_between() {
     for name in ["loop", "published-loop"] {
         let (_, file) = library::named(name).expect("built in");
         let proof = &file.vehicle.as_ref().expect("in the file").disturbance_to_error;
-        for (lag_s, gain) in [(0.24, 1.0), (0.25, 1.24), (0.27, 0.95), (0.28, 1.215), (0.3, 1.1)] {
+        let within = |share: f64, [least, most]: [f64; 2]| least + share * (most - least);
+        let (lags_s, gains) = (
+            [file.plant.lag_min_s, file.plant.lag_max_s],
+            [file.plant.gain_min, file.plant.gain_max],
+        );
+        for (of_lag, of_gain) in [(0.0, 0.2), (0.2, 0.9), (0.5, 0.1), (0.7, 0.8), (1.0, 0.5)] {
+            let (lag_s, gain) = (within(of_lag, lags_s), within(of_gain, gains));
             let plants = Plants::from(Corner { lag_s, gain });
             let part = check::Part::Vehicle(Channel::DisturbanceToError);
             let subject = check::Subject { gain: file.gain, plants, part };

@@ -1,5 +1,5 @@
-//! Numbers side by side: one formula for neighbouring prediction steps, in whatever vector registers
-//! the machine has.
+//! Numbers side by side: one formula for neighbouring prediction steps, in whatever vector
+//! registers the machine has.
 
 use core::ops::{Add, AddAssign, Mul, Neg, Sub};
 
