@@ -32,6 +32,10 @@ TEXT
 
 cd "$(dirname "$(realpath "${BASH_SOURCE[0]}")")"
 exec </dev/null
+# nohup and a shell's "&" have signals ignored, which every child inherits; tests send them and wait.
+if [[ -z ${SIGNALS_ARE_DEFAULT:-} ]]; then
+    exec env --default-signal=HUP,INT,QUIT SIGNALS_ARE_DEFAULT=1 "$PWD/test.sh" "$@"
+fi
 # An ordinary user's search path may lack the folders of ip, insmod and modprobe.
 PATH=$PATH:/usr/sbin:/sbin
 export CARGO_TERM_COLOR=${CARGO_TERM_COLOR:-never} PYTHONDONTWRITEBYTECODE=1
