@@ -285,10 +285,13 @@ step_rehearse() {
     local platoon=$target/release/platoon trace=$scratch/short/run.mcap status=0
     cargo build --quiet --locked --release
     "$platoon" rehearse obstacle-avoidance --virtual-time --out "$scratch/whole"
-    "$platoon" rehearse obstacle-avoidance --virtual-time --duration-s 3 --out "$scratch/short" ||
-        status=$?
+    "$platoon" rehearse obstacle-avoidance --virtual-time --duration-s 3 --out "$scratch/short" \
+        >"$scratch/short.txt" 2>&1 || status=$?
     # Three seconds are too few to pass any obstacle, so the behaviour may fail; nothing else may.
-    [[ $status -le 1 ]] || return "$status"
+    [[ $status -le 1 ]] || {
+        cat "$scratch/short.txt" >&2
+        return "$status"
+    }
     [[ -s $trace ]] || {
         echo "the rehearsal left no run.mcap" >&2
         return 1
@@ -345,19 +348,19 @@ step_heavy() {
 
 # ---------------------------------------------------------------- running them
 
-passed=0 failed=0 summary=()
+passed=0 failed=0 summary=() failed_steps=()
 
 # Runs one step in a shell of its own, so that `set -e` holds inside and it can end early.
 run_step() {
-    local name=$1 began=$SECONDS status line
+    local name=$1 began=$SECONDS status line log=$scratch/log-$1
     printf '\n== %s\n' "$name"
     : >"$reasons"
     set +e
     (
         set -e
         "step_$name"
-    )
-    status=$?
+    ) 2>&1 | tee "$log"
+    status=${PIPESTATUS[0]}
     set -e
     case $status in
     0)
@@ -370,6 +373,7 @@ run_step() {
     *)
         failed=$((failed + 1))
         line="FAILED (exit status $status)"
+        failed_steps+=("$name")
         ;;
     esac
     summary+=("$(printf '%-10s %5d s  %s' "$name" "$((SECONDS - began))" "$line")")
@@ -418,6 +422,14 @@ for step in "${steps[@]}"; do
     run_step "$step"
 done
 
+# A step's output may be thousands of lines up by now.
+for step in "${failed_steps[@]}"; do
+    printf '\n== %s failed; of its output, what looks like the reason, and the end:\n' "$step"
+    grep --extended-regexp --after-context=6 \
+        'FAILED|panicked at|^error|^Error|^Traceback|Error:' "$scratch/log-$step" | head -n 80 || true
+    printf '...\n'
+    tail -n 20 "$scratch/log-$step"
+done
 printf '\n== summary\n'
 printf '%s\n' "${summary[@]}"
 printf '%d passed, %d failed\n' "$passed" "$failed"

@@ -56,3 +56,41 @@ impl<S: QpSolver + Send> Controller for LawController<S> {
         restored.map(|memory| self.memory = memory).is_some()
     }
 }
+
+/// A law with something around its steps: a fault before them, an ear after them. Its memory is
+/// the law's own.
+pub struct Around<F> {
+    law: Box<dyn Controller>,
+    step: F,
+}
+
+impl<F> Around<F>
+where
+    F: FnMut(&mut dyn Controller, &Observation, &mut dyn FnMut(Phase)) -> Decision + Send,
+{
+    /// `step` is given the law and decides when to ask it.
+    pub fn new(law: Box<dyn Controller>, step: F) -> Self {
+        Self { law, step }
+    }
+}
+
+impl<F> Controller for Around<F>
+where
+    F: FnMut(&mut dyn Controller, &Observation, &mut dyn FnMut(Phase)) -> Decision + Send,
+{
+    fn step(&mut self, seen: &Observation, mark: &mut dyn FnMut(Phase)) -> Decision {
+        (self.step)(&mut *self.law, seen, mark)
+    }
+
+    fn note_applied(&mut self, force_n: f64, steering_rad: f64) {
+        self.law.note_applied(force_n, steering_rad);
+    }
+
+    fn save(&self, out: &mut [u8]) -> Option<usize> {
+        self.law.save(out)
+    }
+
+    fn restore(&mut self, bytes: &[u8]) -> bool {
+        self.law.restore(bytes)
+    }
+}

@@ -48,7 +48,7 @@ pub mod parts {
 }
 
 pub use blame::{Evidence, Waiting, Working, blame};
-pub use controller::{Controller, LawController, Phase};
+pub use controller::{Around, Controller, LawController, Phase};
 pub use ecu::{Config, Ecu, RIG_SILENT_NS, first_mission, run};
 pub use gallery::{GALLERY_SIZE, Miss};
 pub use inbox::{Drained, InboxCounts};

@@ -4,8 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use bench_sim::Rig;
-use controller_rt::{Controller, Phase};
-use law::{Decision, Observation};
+use controller_rt::{Around, Controller};
 use traces::{ObstacleTruth, TruckTruth};
 
 use super::Cell;
@@ -108,37 +107,16 @@ impl Overheard {
 
     /// The law of a truck, with an ear to it.
     pub(super) fn wrap(&self, truck: u8, law: Box<dyn Controller>) -> Box<dyn Controller> {
-        Box::new(Ear { law, q_ref: Arc::clone(&self.q_ref[usize::from(truck)]) })
+        let q_ref = Arc::clone(&self.q_ref[usize::from(truck)]);
+        Box::new(Around::new(law, move |law, seen, mark| {
+            let decision = law.step(seen, mark);
+            q_ref.store(decision.lml.q_ref.to_bits(), Ordering::Relaxed);
+            decision
+        }))
     }
 
     fn q_ref(&self, truck: usize) -> f64 {
         f64::from_bits(self.q_ref[truck].load(Ordering::Relaxed))
-    }
-}
-
-/// A law that is listened to.
-struct Ear {
-    law: Box<dyn Controller>,
-    q_ref: Arc<AtomicU64>,
-}
-
-impl Controller for Ear {
-    fn step(&mut self, seen: &Observation, mark: &mut dyn FnMut(Phase)) -> Decision {
-        let decision = self.law.step(seen, mark);
-        self.q_ref.store(decision.lml.q_ref.to_bits(), Ordering::Relaxed);
-        decision
-    }
-
-    fn note_applied(&mut self, force_n: f64, steering_rad: f64) {
-        self.law.note_applied(force_n, steering_rad);
-    }
-
-    fn save(&self, out: &mut [u8]) -> Option<usize> {
-        self.law.save(out)
-    }
-
-    fn restore(&mut self, bytes: &[u8]) -> bool {
-        self.law.restore(bytes)
     }
 }
 

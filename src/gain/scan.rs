@@ -4,7 +4,7 @@
 //! delays up to the bound at any rate, and is measured by its peak over frequency, its margin for
 //! constant delays, and one simulated run of the paper's platooning scenario.
 
-use certificate::simulation::{Course, Leader, Run};
+use certificate::simulation::Run;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -20,10 +20,6 @@ use super::figures;
 
 /// The grid of K1: first, last and step of each of its three numbers.
 const GRID: [(f64, f64, f64); 3] = [(1.4, 6.0, 0.2), (2.0, 6.0, 0.2), (0.2, 2.4, 0.1)];
-/// The constant delay of the simulated run \[s\], as in the published comparison.
-const RUN_DELAY_S: f64 = 0.1;
-/// Length of the simulated run \[s\].
-const RUN_S: f64 = 8.0;
 
 /// Options of `gain scan`.
 #[derive(Debug, Clone, Args)]
@@ -63,16 +59,7 @@ pub struct Merit {
 
 impl Merit {
     fn of(gain: Gain, args: &ScanArgs) -> Self {
-        let run = Run {
-            gain,
-            lags_s: vec![args.lag_s],
-            longest_s: RUN_DELAY_S,
-            course: Course::Constant(1.0),
-            leader: Leader::Ramp,
-            duration_s: RUN_S,
-            seed: 0,
-        };
-        let outcome = run.simulate();
+        let outcome = Run::ramp(gain, args.lag_s).simulate();
         Self {
             gain,
             peak: margin::peaks(&gain, args.lag_s, args.delay_s).error,

@@ -1,6 +1,8 @@
 //! A rehearsal in real time: the rig and every ECU are processes of their own, and this one only
 //! starts them, watches them, breaks them where asked, and ends them.
 
+mod arguments;
+
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{ExitStatus, Stdio};
@@ -17,13 +19,15 @@ use vcan_setup::floor::{self, Floor, FloorOptions, Sentinel};
 use vcan_setup::pauses::PauseLog;
 use vcan_setup::realtime::environment;
 
+use arguments::{CommandLines, is_stall};
+
 use super::{Beside, Floors, Outcome, Plan};
 use crate::bench::{ProgressMessage, RigReport};
 use crate::bus::BusChoice;
-use crate::cli::{EcuChoice, Word};
+use crate::cli::EcuChoice;
 use crate::dashboard::{self, Dashboard};
 use crate::failure::Failure;
-use crate::fault::{Fault, FaultKind};
+use crate::fault::FaultKind;
 use crate::gateway::{Buses, Gateway};
 use crate::live::{Feed, Live};
 use crate::process;
@@ -238,9 +242,9 @@ async fn supervise(
     let signals = Signals::listen()?;
     let mut crew = Crew::new();
     let (plan_of_cpus, cpus) = (&plan.args.timing.cpus, environment().online_cpus);
-    let mut arguments = rig_arguments(plan, folder, bus, plan_of_cpus.of_rig(&cpus));
-    arguments.extend(["--pauses".into(), path_word(pauses)]);
-    let output = crew.start(folder, (process::rig_name(), None), &arguments)?;
+    let commands = CommandLines { plan, folder, bus, pauses };
+    let rig = commands.rig(plan_of_cpus.of_rig(&cpus));
+    let output = crew.start(folder, (process::rig_name(), None), &rig)?;
     let mut lines = output.map(|output| BufReader::new(output).lines());
     // The rig says its first word when it hears its buses. It records them, so no ECU may speak
     // earlier, and none needs to start when the rig does not.
@@ -248,9 +252,8 @@ async fn supervise(
     if !matches!(first_word, Ok(None)) {
         for truck in separate_ecus(plan) {
             let cpu = plan_of_cpus.of_ecu(&cpus, truck);
-            let mut arguments = ecu_arguments(plan, folder, bus, truck, cpu);
-            arguments.extend(["--pauses".into(), path_word(pauses)]);
-            crew.start(folder, (process::ecu_name(truck), Some(truck)), &arguments)?;
+            let name = (process::ecu_name(truck), Some(truck));
+            crew.start(folder, name, &commands.ecu(truck, cpu))?;
         }
     }
     let mut outcome = Outcome::default();
@@ -469,64 +472,4 @@ fn separate_ecus<'plan>(plan: &'plan Plan<'_>) -> impl Iterator<Item = u8> + use
         EcuChoice::All => true,
         EcuChoice::One(only) => truck == only,
     })
-}
-
-fn ecu_arguments(
-    plan: &Plan<'_>,
-    folder: &RunFolder,
-    bus: &BusChoice,
-    truck: u8,
-    cpu: Option<usize>,
-) -> Vec<String> {
-    let mut words = vec!["controller".into(), "--truck".into(), truck.to_string()];
-    let law = if plan.is_told(truck) { folder.law_of(truck) } else { folder.law() };
-    words.extend(["--law".into(), path_word(&law)]);
-    words.extend(["--trucks".into(), plan.trucks().to_string()]);
-    words.extend(common_arguments(plan, folder, bus, cpu));
-    words
-}
-
-fn rig_arguments(
-    plan: &Plan<'_>,
-    folder: &RunFolder,
-    bus: &BusChoice,
-    cpu: Option<usize>,
-) -> Vec<String> {
-    let run = &plan.args.run;
-    // The scenario as written has every override in it.
-    let mut words = vec!["bench".into(), path_word(&folder.scenario())];
-    words.extend(["--rate-hz".into(), plan.rate_hz.to_string()]);
-    words.extend(["--seed".into(), run.seed.to_string()]);
-    words.extend(["--bus-timing".into(), run.bus_timing.word()]);
-    let separate: Vec<u8> = separate_ecus(plan).collect();
-    let hosted = plan.ecus().filter(|truck| !separate.contains(truck));
-    words.extend(hosted.flat_map(|truck| ["--host".into(), truck.to_string()]));
-    words.extend(common_arguments(plan, folder, bus, cpu));
-    words
-}
-
-fn common_arguments(
-    plan: &Plan<'_>,
-    folder: &RunFolder,
-    bus: &BusChoice,
-    cpu: Option<usize>,
-) -> Vec<String> {
-    let mut words = bus.as_arguments();
-    words.extend(["--profile".into(), plan.args.run.profile.to_string()]);
-    words.extend(["--supervised".into(), "--out".into(), path_word(folder.path())]);
-    words.extend(plan.args.law_options.as_arguments());
-    words.extend(plan.args.timing.overrun.as_arguments());
-    let stalls = plan.args.fault.iter().filter(|fault| is_stall(fault));
-    words.extend(stalls.flat_map(|fault| ["--fault".into(), fault.to_string()]));
-    words.extend(cpu.into_iter().flat_map(|cpu| ["--cpu".into(), cpu.to_string()]));
-    words
-}
-
-/// Whether a fault strikes inside an ECU's process.
-fn is_stall(fault: &Fault) -> bool {
-    matches!(fault.kind, FaultKind::Stall { .. })
-}
-
-fn path_word(path: &Path) -> String {
-    path.display().to_string()
 }

@@ -4,10 +4,11 @@
 //! What one call creates, and only that, a later [`remove_vcan`] takes away; [`remove_idle`] takes
 //! away what nobody uses, whoever made it.
 
+mod support;
+
 use std::io;
 use std::time::Duration;
 
-use rustix::net::{AddressFamily, Protocol, SocketFlags, SocketType, socket_with};
 use socketcan::CanInterface;
 use socketcan::nl::Mtu;
 
@@ -15,98 +16,14 @@ use crate::host::Lack;
 use crate::link::Link;
 use crate::realtime::{CAP_NET_ADMIN, has_capability};
 
+pub use support::{CanSupport, kernel_support};
+
 /// Packet size \[bytes\] of a CAN FD frame (CANFD_MTU of linux/can.h).
 const FD_MTU: u32 = 72;
 /// Longest interface name \[bytes\] (IFNAMSIZ less its terminator).
 const NAME_BYTES_MAX: usize = 15;
 /// Tries at one interface before giving up; others may make or remove the same one.
 const ATTEMPTS_MAX: usize = 64;
-/// CAN_RAW of linux/can.h.
-const CAN_RAW: u32 = 1;
-
-/// Whether this kernel offers CAN sockets to this process.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum CanSupport {
-    /// A raw CAN socket can be opened.
-    Available,
-    /// The kernel knows no CAN address family: built without it, or the module is not loaded and
-    /// cannot be.
-    NoAddressFamily,
-    /// CAN is there but its raw protocol is not.
-    NoRawProtocol,
-    /// The process may not open CAN sockets (a container's seccomp profile does this).
-    NotPermitted,
-    /// Another refusal, by its errno.
-    Refused(i32),
-}
-
-impl CanSupport {
-    /// Whether CAN sockets work.
-    #[must_use]
-    pub fn is_available(self) -> bool {
-        self == Self::Available
-    }
-}
-
-impl CanError {
-    /// What the machine lacks, when the remedy depends on the machine.
-    #[must_use]
-    pub fn lack(&self) -> Option<Lack> {
-        match self {
-            Self::NoCan(CanSupport::NotPermitted) => None,
-            Self::NoCan(_) | Self::NoModule { .. } => Some(Lack::Can),
-            Self::NotPermitted { .. } | Self::NotPermittedToChange { .. } => Some(Lack::NetAdmin),
-            Self::BadName(_)
-            | Self::OtherKind { .. }
-            | Self::NotFd { .. }
-            | Self::Busy { .. }
-            | Self::Netlink { .. } => None,
-        }
-    }
-}
-
-impl std::fmt::Display for CanSupport {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Available => f.write_str("the kernel has CAN"),
-            Self::NoAddressFamily => f.write_str(
-                "the kernel has no CAN (EAFNOSUPPORT); `sudo modprobe -a can can_raw`, or a kernel \
-                 built with CONFIG_CAN; in a container, on the host",
-            ),
-            Self::NoRawProtocol => {
-                f.write_str("the kernel has CAN without raw sockets; `sudo modprobe can_raw`")
-            }
-            Self::NotPermitted => f.write_str(
-                "this process may not open CAN sockets; allow AF_CAN in its seccomp profile",
-            ),
-            Self::Refused(errno) => {
-                let error = io::Error::from_raw_os_error(*errno);
-                write!(f, "the kernel refuses CAN sockets: {error}; see `dmesg`")
-            }
-        }
-    }
-}
-
-/// Opens and closes a raw CAN socket to see whether this kernel has CAN.
-#[must_use]
-pub fn kernel_support() -> CanSupport {
-    let protocol = rustix::net::RawProtocol::new(CAN_RAW).map(Protocol::from_raw);
-    let flags = SocketFlags::CLOEXEC;
-    match socket_with(AddressFamily::CAN, SocketType::RAW, flags, protocol) {
-        Ok(_) => CanSupport::Available,
-        Err(error) => classify(error.raw_os_error()),
-    }
-}
-
-/// What an errno of socket(2) says about CAN.
-fn classify(errno: i32) -> CanSupport {
-    match errno {
-        libc::EAFNOSUPPORT => CanSupport::NoAddressFamily,
-        libc::EPROTONOSUPPORT => CanSupport::NoRawProtocol,
-        libc::EPERM | libc::EACCES => CanSupport::NotPermitted,
-        other => CanSupport::Refused(other),
-    }
-}
 
 /// An interface that [`ensure_vcan`] made.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -224,6 +141,23 @@ pub enum CanError {
         /// The system's own words.
         error: io::Error,
     },
+}
+
+impl CanError {
+    /// What the machine lacks, when the remedy depends on the machine.
+    #[must_use]
+    pub fn lack(&self) -> Option<Lack> {
+        match self {
+            Self::NoCan(CanSupport::NotPermitted) => None,
+            Self::NoCan(_) | Self::NoModule { .. } => Some(Lack::Can),
+            Self::NotPermitted { .. } | Self::NotPermittedToChange { .. } => Some(Lack::NetAdmin),
+            Self::BadName(_)
+            | Self::OtherKind { .. }
+            | Self::NotFd { .. }
+            | Self::Busy { .. }
+            | Self::Netlink { .. } => None,
+        }
+    }
 }
 
 /// Makes sure that every name is a `vcan` interface that carries CAN FD and is up.
@@ -433,15 +367,6 @@ mod tests {
 
     fn link(kind: Option<&str>, mtu: u32, is_up: bool) -> Link {
         Link { index: 7, kind: kind.map(Into::into), mtu, is_up, packets: 0 }
-    }
-
-    #[test]
-    fn each_errno_of_the_probe_has_its_own_remedy() {
-        assert_eq!(classify(libc::EAFNOSUPPORT), CanSupport::NoAddressFamily);
-        assert_eq!(classify(libc::EPROTONOSUPPORT), CanSupport::NoRawProtocol);
-        assert_eq!(classify(libc::EPERM), CanSupport::NotPermitted);
-        assert_eq!(classify(libc::ENOMEM), CanSupport::Refused(libc::ENOMEM));
-        assert!(CanSupport::NoAddressFamily.to_string().contains("modprobe -a can"));
     }
 
     #[test]

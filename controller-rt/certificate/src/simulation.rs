@@ -108,6 +108,21 @@ pub struct Outcome {
 }
 
 impl Run {
+    /// One follower in the paper's platooning scenario, under the constant delay of its comparison
+    /// of gains.
+    #[must_use]
+    pub fn ramp(gain: Gain, lag_s: f64) -> Self {
+        Self {
+            gain,
+            lags_s: vec![lag_s],
+            longest_s: 0.1,
+            course: Course::Constant(1.0),
+            leader: Leader::Ramp,
+            duration_s: 8.0,
+            seed: 0,
+        }
+    }
+
     /// Simulates it.
     #[must_use]
     pub fn simulate(&self) -> Outcome {

@@ -7,7 +7,7 @@
 //! in the paper's platooning manoeuvre. Nothing of that is a proof of more than gamma: the gain
 //! that is chosen gets its own.
 
-use certificate::simulation::{Course, Leader, Run};
+use certificate::simulation::Run;
 use certificate::{DelayBound, Gain, Plants, margin};
 
 use crate::plant::Platoon;
@@ -19,10 +19,6 @@ const STRETCHES: [f64; 5] = [1.0, 1.15, 1.3, 1.5, 1.75];
 const WEIGHTS: [f64; 6] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3];
 /// Where every design looks for its rho.
 const RHO_GRID: [f64; 4] = [0.4, 0.6, 0.8, 1.2];
-/// Constant delay of the simulated manoeuvre \[s\], as in the published comparison.
-const RUN_DELAY_S: f64 = 0.1;
-/// Length of the simulated manoeuvre \[s\].
-const RUN_S: f64 = 8.0;
 
 /// A gain by what it is good for, over all plants it is for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -92,15 +88,7 @@ impl Candidate {
         let gamma = analysis::jensen_gamma(&loops, DelayBound::any_rate(longest_s))?;
         let (mut error_m, mut command_mps2) = (0.0_f64, 0.0_f64);
         for corner in plants.corners() {
-            let run = Run {
-                gain: gain.through(corner.gain),
-                lags_s: vec![corner.lag_s],
-                longest_s: RUN_DELAY_S,
-                course: Course::Constant(1.0),
-                leader: Leader::Ramp,
-                duration_s: RUN_S,
-                seed: 0,
-            };
+            let run = Run::ramp(gain.through(corner.gain), corner.lag_s);
             let outcome = run.simulate();
             error_m = error_m.max(outcome.error_max_m);
             command_mps2 = command_mps2.max(outcome.command_max_mps2 / corner.gain);
