@@ -1,5 +1,6 @@
 //! The command line: what can be asked, in the words users type.
 
+mod blame_options;
 mod compare_options;
 mod law_options;
 mod miss_budget_options;
@@ -22,6 +23,7 @@ use crate::gain::GainArgs;
 use crate::live;
 use crate::vcan::VcanArgs;
 
+pub use blame_options::BlameArgs;
 pub use compare_options::{CompareArgs, Part};
 pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
 pub use miss_budget_options::MissBudgetArgs;
@@ -71,6 +73,8 @@ pub enum Verb {
     Identify(IdentifyArgs),
     /// Find how many deadlines in a row an ECU may miss, and what that costs in metres.
     MissBudget(MissBudgetArgs),
+    /// Inject faults of known kinds into a real loop and count the causes that it finds.
+    Blame(BlameArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.

@@ -9,6 +9,7 @@
 compile_error!("platoon needs Linux: SocketCAN, real-time scheduling and its clocks");
 
 mod bench;
+mod blame;
 mod bus;
 pub mod bus_plan;
 mod calibration;
@@ -68,6 +69,7 @@ pub fn main() -> ExitCode {
         Verb::Gain(args) => gain::run(&args),
         Verb::Identify(args) => identify::run(&args).map(|()| Verdict::Pass),
         Verb::MissBudget(args) => miss_budget::run(&args).map(|()| Verdict::Pass),
+        Verb::Blame(args) => blame::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
         Verb::Report(args) => report::run(&args).map(|()| Verdict::Pass),

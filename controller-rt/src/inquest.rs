@@ -44,7 +44,7 @@ pub struct Finding {
     pub before: ThreadTotals,
     /// What it did from there to the last frame.
     pub during: ThreadTotals,
-    /// How long the machine stood still \[ns\]; looked for only after a miss.
+    /// How long the machine stood still \[ns\]; looked for only after a loss.
     pub standstill_ns: u64,
     /// Handing the tick before to the recorder \[ns\].
     pub record_before_ns: u64,
@@ -103,7 +103,7 @@ impl Inquest {
             ..Finding::default()
         };
         if slot.skipped > 0 && slot.has_deadline {
-            finding.skip = self.blame_skip(slot, &finding, period_ns);
+            self.blame_skip(slot, &mut finding, period_ns);
         }
         if slot.has_missed(times, period_ns) {
             finding.late_ns = times.total_ns - period_ns;
@@ -174,12 +174,12 @@ impl Inquest {
                 .is_some_and(|iterations| u64::from(iterations) > usual.iterations()),
             law_excess_ns: usual.law_excess_ns(times),
         };
-        finding.standstill_ns = before.standstill_ns + standstill_ns;
+        finding.standstill_ns += before.standstill_ns + standstill_ns;
         finding.miss = blame(&Evidence { late_ns: finding.late_ns, before, during });
     }
 
-    /// The cause of slots that were never begun.
-    fn blame_skip(&self, slot: &Slot, finding: &Finding, period_ns: u64) -> MissCause {
+    /// Finds the cause of slots that were never begun.
+    fn blame_skip(&self, slot: &Slot, finding: &mut Finding, period_ns: u64) {
         let first_due_ns = slot.due_ns.saturating_sub(u64::from(slot.skipped) * period_ns);
         // Overslept, or busy until after the latest start.
         let lateness_ns = match slot.overslept {
@@ -188,7 +188,8 @@ impl Inquest {
         };
         let before = self.waiting(finding, first_due_ns, first_due_ns + lateness_ns);
         let late_ns = lateness_ns.saturating_sub(period_ns / 2);
-        blame(&Evidence { late_ns, before, during: Working::default() })
+        finding.standstill_ns += before.standstill_ns;
+        finding.skip = blame(&Evidence { late_ns, before, during: Working::default() });
     }
 
     /// What kept the loop from a slot that was due at `due_ns` until `woke_ns`.

@@ -171,7 +171,7 @@ message! {
         /// Times the thread waited for something.
         46 voluntary_switches: u32,
         /// How long the sentinel on the same CPU saw the machine stand still meanwhile \[ns\];
-        /// asked only of ticks that missed.
+        /// asked only of ticks that missed or follow skipped ones.
         47 sentinel_gap_ns: u32,
     }
 }
