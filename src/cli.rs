@@ -2,6 +2,7 @@
 
 mod blame_options;
 mod compare_options;
+mod deadline_options;
 mod law_options;
 mod miss_budget_options;
 mod report_options;
@@ -25,6 +26,7 @@ use crate::vcan::VcanArgs;
 
 pub use blame_options::BlameArgs;
 pub use compare_options::{CompareArgs, Part};
+pub use deadline_options::{DeadlineArgs, FloorArgs, LoadArgs};
 pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
 pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
@@ -71,6 +73,13 @@ pub enum Verb {
     Bench(BenchArgs),
     /// Measure gain and lag from the coordination layer's command to the truck's acceleration.
     Identify(IdentifyArgs),
+    /// Test at which rates and under which loads this machine keeps the deadlines.
+    Deadline(DeadlineArgs),
+    /// Measure how late this machine wakes a thread that does nothing else, as cyclictest does.
+    Floor(FloorArgs),
+    /// Put a load on this machine, for `deadline`.
+    #[command(hide = true)]
+    Load(LoadArgs),
     /// Find how many deadlines in a row an ECU may miss, and what that costs in metres.
     MissBudget(MissBudgetArgs),
     /// Inject faults of known kinds into a real loop and count the causes that it finds.
@@ -274,6 +283,9 @@ pub struct ControllerArgs {
     /// What is done about ticks that come too late.
     #[command(flatten)]
     pub overrun: OverrunArgs,
+    /// A part of a run in virtual time: the ECU is given what it received there, instead of a bus.
+    #[arg(long, value_name = "FILE", hide = true)]
+    pub feed: Option<PathBuf>,
     /// Started by another process of this program, which listens and supervises.
     #[arg(long, hide = true)]
     pub supervised: bool,

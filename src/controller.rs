@@ -12,6 +12,7 @@ use crate::calibration;
 use crate::cli::ControllerArgs;
 use crate::clock::HostClock;
 use crate::failure::Failure;
+use crate::feed::Feed;
 use crate::gain::{self, Settled};
 use crate::process;
 use crate::run_folder::RunFolder;
@@ -29,7 +30,10 @@ pub fn run(args: &ControllerArgs) -> Result<(), Failure> {
     let stop = process::stop_flag()?;
     let calibration: Calibration = calibration::from_file(args.law.as_deref())?;
     let calibration = calibration::asked_for(calibration, &args.law_options, args.profile)?;
-    let mut bus = BusChoice::joining(args.bus, &args.place)?.open(args.truck)?;
+    let mut bus = match &args.feed {
+        Some(recording) => Box::new(Feed::open(recording, args.truck, HostClock::default())?),
+        None => BusChoice::joining(args.bus, &args.place)?.open(args.truck)?,
+    };
     let mut trucks = args.trucks;
     if trucks.is_none() && gain::is_looked_up(&calibration, &args.law_options) {
         trucks = platoon_size(args, &calibration, &mut *bus, &stop);

@@ -20,11 +20,14 @@ mod compare;
 mod controller;
 mod cpu_plan;
 mod dashboard;
+mod deadline;
 mod diff;
 mod export;
 mod extract;
 mod failure;
 mod fault;
+mod feed;
+mod floor;
 mod gain;
 mod gateway;
 mod identify;
@@ -68,6 +71,9 @@ pub fn main() -> ExitCode {
         Verb::Bench(args) => bench::run(&args),
         Verb::Gain(args) => gain::run(&args),
         Verb::Identify(args) => identify::run(&args).map(|()| Verdict::Pass),
+        Verb::Deadline(args) => deadline::run(&args),
+        Verb::Floor(args) => floor::run(&args).map(|()| Verdict::Pass),
+        Verb::Load(args) => deadline::load(&args).map(|()| Verdict::Pass),
         Verb::MissBudget(args) => miss_budget::run(&args).map(|()| Verdict::Pass),
         Verb::Blame(args) => blame::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),

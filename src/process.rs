@@ -65,6 +65,12 @@ pub fn become_realtime(priority: u8, cpu: Option<usize>) -> Obtained {
     })
 }
 
+/// Locks the memory and keeps the CPUs out of deep idle states, as far as that is allowed, while
+/// what is returned lives.
+pub fn hold_still() -> Obtained {
+    realtime::acquire(&Request { lock_memory: true, hold_cpu_latency: true, ..Request::default() })
+}
+
 /// What was obtained, in the words of a report.
 pub fn as_reported(obtained: &Obtained) -> Realtime {
     Realtime {

@@ -14,6 +14,7 @@ use bench_sim::rig::RunReport;
 use bench_sim::{Results, Scenario};
 use controller_rt::Report;
 use law::Calibration;
+use vcan_setup::floor::Floor;
 use vcan_setup::realtime::environment;
 
 use crate::bench::load_scenario;
@@ -30,7 +31,7 @@ use crate::report;
 use crate::run_folder::RunFolder;
 use crate::summary::{Files, Ingredients, Summary, Verdict};
 
-pub use floors::Floors;
+pub use floors::{Floors, cyclictest_json};
 pub use profile_cost::{ProfileCost, TruckCost};
 use virtual_time::Experiment;
 
@@ -82,6 +83,53 @@ pub fn run(args: &RehearseArgs) -> Result<Verdict, Failure> {
         let beside = Beside { gateway, live };
         plan.conclude(&folder, &bus, || real_time::run(&plan, &folder, &bus, beside))
     }
+}
+
+/// A run in real time for its deadlines alone.
+pub(crate) struct Timed {
+    /// What each ECU reports.
+    pub(crate) ecus: Vec<Report>,
+    /// How late the machine woke the sentinel beside the run.
+    pub(crate) floor: Floor,
+    /// The kind of its bus.
+    pub(crate) backend: String,
+    /// What happened that was not asked for.
+    pub(crate) notes: Vec<String>,
+    /// Whether somebody stopped it.
+    pub(crate) interrupted: bool,
+}
+
+/// Runs rig and ECUs in real time; their recordings stay in parts, and nothing is judged.
+///
+/// # Errors
+/// When the run cannot start.
+pub(crate) fn time(args: &RehearseArgs, folder: &RunFolder) -> Result<Timed, Failure> {
+    let plan = Plan::new(args)?;
+    let bus = BusChoice::for_run(args.bus, &args.place, plan.trucks())?;
+    plan.write_inputs(folder)?;
+    let beside = Beside { gateway: None, live: None };
+    let outcome = real_time::run(&plan, folder, &bus, beside)?;
+    let Outcome { ecus, notes, interrupted, floor, .. } = outcome;
+    let floor = floor.map_or(Floor { cpus: Vec::new() }, |floors| floors.beside);
+    Ok(Timed { ecus, floor, backend: bus.backend().to_owned(), notes, interrupted })
+}
+
+/// Runs in virtual time and leaves what each process recorded in a part of its own.
+///
+/// # Errors
+/// When the run cannot start.
+pub(crate) fn record(args: &RehearseArgs, folder: &RunFolder) -> Result<(), Failure> {
+    let plan = Plan::new(args)?;
+    plan.write_inputs(folder)?;
+    virtual_time::run(&plan, folder).map(drop)
+}
+
+/// The trucks of a run that an ECU drives.
+///
+/// # Errors
+/// When the run makes no sense.
+pub(crate) fn ecus(args: &RehearseArgs) -> Result<Vec<u8>, Failure> {
+    Plan::new(args).map(|plan| plan.ecus().collect())
 }
 
 impl<'a> Plan<'a> {
@@ -322,7 +370,7 @@ fn is_virtual(args: &RehearseArgs) -> bool {
 }
 
 /// The machine, in words.
-fn describe_environment() -> BTreeMap<String, String> {
+pub(crate) fn describe_environment() -> BTreeMap<String, String> {
     let host = environment();
     let list = |cpus: &[usize]| cpus.iter().map(usize::to_string).collect::<Vec<_>>().join(",");
     let limit = |limit: Option<u64>| limit.map_or("unlimited".into(), |n| n.to_string());

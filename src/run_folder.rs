@@ -51,6 +51,12 @@ impl RunFolder {
         Ok(Self { path: path.to_path_buf() })
     }
 
+    /// A folder that need not be there, for tests of names.
+    #[cfg(test)]
+    pub fn named(path: &str) -> Self {
+        Self { path: path.into() }
+    }
+
     /// The folder itself.
     pub fn path(&self) -> &Path {
         &self.path
@@ -74,6 +80,16 @@ impl RunFolder {
     /// How late the machine woke the sentinel beside the run, in cyclictest's form.
     pub fn floor(&self) -> PathBuf {
         self.path.join("floor.json")
+    }
+
+    /// The table of a deadline test, for programs.
+    pub fn deadline(&self) -> PathBuf {
+        self.path.join("deadline.json")
+    }
+
+    /// The same for people.
+    pub fn deadline_page(&self) -> PathBuf {
+        self.path.join("deadline.md")
     }
 
     /// The scenario as it was run, overrides included.

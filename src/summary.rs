@@ -225,7 +225,7 @@ impl Summary {
 impl MachineFloor {
     fn new(floors: &Floors, period_ns: u64) -> Self {
         let Percentiles { p50_us, p99_us, p999_us, max_us } = floors.beside.percentiles();
-        let late = timing::late_wakeups(&floors.beside, period_ns);
+        let late = timing::late_wakeups(&floors.beside, &[], period_ns / 2);
         Self {
             p50: p50_us,
             p99: p99_us,
@@ -239,7 +239,8 @@ impl MachineFloor {
 }
 
 impl Lateness {
-    fn new(floor: &Floor) -> Self {
+    /// The percentiles of a floor.
+    pub fn new(floor: &Floor) -> Self {
         let Percentiles { p50_us, p99_us, p999_us, max_us } = floor.percentiles();
         Self { p50: p50_us, p99: p99_us, p999: p999_us, max: max_us }
     }

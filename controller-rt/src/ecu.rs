@@ -283,6 +283,8 @@ impl Ecu {
             qp: self.statistics.qp(),
             miss_causes: self.statistics.miss_causes(),
             skip_causes: self.statistics.skip_causes(),
+            lapses: self.statistics.lapses(),
+            slowest_us: self.statistics.slowest_us(),
             on_overrun: self.config.overruns.policy,
             forgiven: self.statistics.forgiven(),
             stale_ticks: self.statistics.stale(),

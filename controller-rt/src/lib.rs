@@ -59,5 +59,5 @@ pub use phase_lock::{Arrival, PhaseLock};
 pub use recording::join_snapshot;
 pub use reference_qp::Clarabel;
 pub use replica::Replica;
-pub use report::{Ending, Percentiles, QpTotals, Realtime, Report, ThreadCounts};
+pub use report::{Ending, Lapses, Percentiles, QpTotals, Realtime, Report, ThreadCounts};
 pub use witness::{Nobody, ThreadTotals, Witness};

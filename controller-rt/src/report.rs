@@ -38,6 +38,13 @@ pub struct Report {
     pub miss_causes: BTreeMap<String, u64>,
     /// Skipped slots by cause, in the same words.
     pub skip_causes: BTreeMap<String, u64>,
+    /// Runs of lost slots after the startup grace, by the cause of the first, in the same words.
+    #[serde(default)]
+    pub lapses: BTreeMap<String, Lapses>,
+    /// The longest after the grace from a slot's due to its last frame \[µs\], or to the wake-up
+    /// that lost it.
+    #[serde(default)]
+    pub slowest_us: f64,
     /// What was done about overruns.
     #[serde(default)]
     pub on_overrun: OnOverrun,
@@ -67,6 +74,15 @@ pub struct Report {
     pub sent: OutboxCounts,
     /// Frames the kernel dropped before the ECU read them.
     pub receive_overflow: u64,
+}
+
+/// Slots lost one after the other, without a good tick between them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Lapses {
+    /// How often that happened.
+    pub times: u64,
+    /// Slots lost in all of them.
+    pub slots: u64,
 }
 
 /// What happened to the thread of a loop.

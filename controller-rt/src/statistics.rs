@@ -17,7 +17,7 @@ use crate::guard::Reason;
 use crate::inquest::Finding;
 use crate::laps::{PHASES, PhaseTimes};
 use crate::pacer::Slot;
-use crate::report::{Percentiles, QpTotals};
+use crate::report::{Lapses, Percentiles, QpTotals};
 
 /// Longest time a histogram tells apart \[ns\].
 const RANGE_NS: u64 = 10_000_000_000;
@@ -40,6 +40,12 @@ pub struct Statistics {
     held: u64,
     miss_causes: [u64; CAUSES],
     skip_causes: [u64; CAUSES],
+    /// After the grace, by first cause.
+    lapses: [Lapses; CAUSES],
+    /// The first cause of the lapse that is going on.
+    lapse: Option<MissCause>,
+    /// After the grace, from due to the last frame or to a wake-up that lost the slot \[ns\].
+    slowest_ns: u64,
     guard: [u64; Reason::ALL.len()],
     qp: QpTotals,
 }
@@ -75,6 +81,9 @@ impl Statistics {
             held: 0,
             miss_causes: [0; CAUSES],
             skip_causes: [0; CAUSES],
+            lapses: [Lapses::default(); CAUSES],
+            lapse: None,
+            slowest_ns: 0,
             guard: [0; Reason::ALL.len()],
             qp: QpTotals::default(),
         }
@@ -152,6 +161,26 @@ impl Statistics {
         self.skip_causes[finding.skip as usize] += skipped;
         if is_forgiven {
             self.forgiven += u64::from(missed) + skipped;
+            return;
+        }
+        self.slowest_ns = self.slowest_ns.max(times.total_ns).max(slot.overslept_ns);
+        self.count_lapse(finding, skipped, u64::from(missed));
+    }
+
+    /// Counts slots lost without a good tick between them as one lapse.
+    fn count_lapse(&mut self, finding: &Finding, skipped: u64, missed: u64) {
+        if skipped + missed == 0 {
+            self.lapse = None;
+            return;
+        }
+        let begins = if skipped > 0 { finding.skip } else { finding.miss };
+        let is_new = self.lapse.is_none();
+        let cause = *self.lapse.get_or_insert(begins);
+        let lapses = &mut self.lapses[cause as usize];
+        lapses.times += u64::from(is_new);
+        lapses.slots += skipped + missed;
+        if missed == 0 {
+            self.lapse = None;
         }
     }
 
@@ -198,6 +227,20 @@ impl Statistics {
     #[must_use]
     pub fn skip_causes(&self) -> BTreeMap<String, u64> {
         occurred(MissCause::ALL.iter().map(|cause| cause.word()).zip(self.skip_causes))
+    }
+
+    /// Runs of lost slots by the cause of the first, those that occurred after the grace.
+    #[must_use]
+    pub fn lapses(&self) -> BTreeMap<String, Lapses> {
+        let named = MissCause::ALL.iter().map(|cause| cause.word().to_owned()).zip(self.lapses);
+        named.filter(|(_, lapses)| lapses.times > 0).collect()
+    }
+
+    /// The longest that a tick after the grace took from due to its last frame, or a wake-up that
+    /// lost its slot \[µs\].
+    #[must_use]
+    pub fn slowest_us(&self) -> f64 {
+        self.slowest_ns as f64 / 1e3
     }
 
     /// Guard interventions by reason, those that occurred.
@@ -278,6 +321,30 @@ mod tests {
         assert_eq!(statistics.miss_causes(), BTreeMap::from([("law".to_owned(), 1)]));
         assert_eq!(statistics.skip_causes(), BTreeMap::from([("host_pause".to_owned(), 7)]));
         assert_eq!(statistics.percentiles()["wake"].max, 7_200.0, "the wake-up that lost them");
+    }
+
+    #[test]
+    fn slots_lost_in_a_row_are_one_lapse_of_the_first_cause() {
+        let mut statistics = Statistics::new();
+        let mut count = |skipped: u32, finding: &Finding, is_forgiven| {
+            let slot = Slot { skipped, ..Slot::default() };
+            statistics.count_times(&slot, &wake(1_000), finding, is_forgiven);
+        };
+        let missed = Finding { miss: MissCause::Law, ..IN_TIME };
+        let skipped = Finding { skip: MissCause::HostPause, ..IN_TIME };
+        count(9, &skipped, true);
+        // A long tick, the two slots it cost, and one in time: a lapse of three slots.
+        count(0, &missed, false);
+        count(2, &Finding { skip: MissCause::Law, ..IN_TIME }, false);
+        count(0, &IN_TIME, false);
+        count(0, &missed, false);
+        count(4, &skipped, false);
+        count(5, &skipped, false);
+        let expected = [
+            ("host_pause".to_owned(), Lapses { times: 1, slots: 5 }),
+            ("law".to_owned(), Lapses { times: 2, slots: 8 }),
+        ];
+        assert_eq!(statistics.lapses(), BTreeMap::from(expected));
     }
 
     #[test]
