@@ -192,8 +192,7 @@ mod tests {
     fn rehearsal() -> RehearseArgs {
         let cli = Cli::parse_from(["platoon", "deadline", "--rates", "none"]);
         let Some(Verb::Deadline(args)) = cli.verb else { panic!("another verb") };
-        let cell =
-            Cell { subject: Subject::Ecu, rate_hz: 100, load: Load::Idle, duration_s: 1.0 };
+        let cell = Cell { subject: Subject::Ecu, rate_hz: 100, load: Load::Idle, duration_s: 1.0 };
         super::super::rehearsal(&args, &cell).expect("well formed")
     }
 
@@ -218,7 +217,7 @@ mod tests {
         // Every tick but the first few has all it needs to decide.
         assert!(report.qp.solves >= 95, "{:?}", report.qp);
         assert_eq!(report.qp.failures, 0);
-        assert_eq!(report.guard.get("no_decision"), None);
+        assert_eq!(report.guard.get("ego_stale"), None);
     }
 
     #[test]
