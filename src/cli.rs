@@ -32,7 +32,8 @@ pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
-    DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs, Side,
+    CaptureArgs, DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs,
+    Side,
 };
 pub use values::{EcuChoice, V2vDelay};
 
@@ -156,6 +157,9 @@ pub struct RehearseArgs {
     /// Show the run in the terminal while it lasts; without a terminal the progress line stays.
     #[arg(long)]
     pub tui: bool,
+    /// What of the run is kept at full rate.
+    #[command(flatten)]
+    pub capture: CaptureArgs,
     /// Folder for the run's files; it must not hold a run already
     /// (default: `runs/<time>-<scenario>`).
     #[arg(long, value_name = "DIR")]

@@ -14,6 +14,7 @@ mod bus;
 pub mod bus_plan;
 mod calibration;
 mod campaign;
+mod capture;
 mod cli;
 mod clock;
 mod compare;

@@ -17,6 +17,7 @@ use std::time::Instant;
 
 use traces::{Source, Topic};
 
+use crate::capture::CAPTURE;
 use crate::cli::{ReplayArgs, SolverKind};
 use crate::failure::Failure;
 use crate::process;
@@ -124,7 +125,8 @@ pub fn recompute(trace: &Trace, question: &Question) -> Result<Outcome, Failure>
     let mut events = trace.events(|topic| topic != Topic::Truth, times)?;
     thread::scope(|scope| {
         let mut ecus: BTreeMap<u8, Feed<'_>> = BTreeMap::new();
-        let mut is_tap_whole = true;
+        // Where a run was kept in spans only, frames consumed early in one are not on its bus.
+        let mut is_tap_whole = !trace.metadata().contains_key(CAPTURE);
         for event in &mut events {
             if event.topic == Topic::Dropped(Source::Rig) {
                 is_tap_whole = false;

@@ -8,7 +8,7 @@ use traces::{ObstacleTruth, Reach, Scenery, TruckTruth};
 
 /// Least bench time between two decoded messages of one kind on one bus \[ns\]: enough to plot, and
 /// every frame is there to be decoded at full rate.
-pub const SIGNALS_PERIOD_NS: u64 = 10_000_000;
+pub const SIGNALS_PERIOD_NS: u64 = 20_000_000;
 
 /// The scenery of a run.
 pub fn of(scenario: &Scenario, calibration: &Calibration) -> Scenery {

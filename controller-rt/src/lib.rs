@@ -56,7 +56,7 @@ pub use outbox::OutboxCounts;
 pub use overrun::{OnOverrun, Overruns, QUEUE_SLOTS_MAX};
 pub use pacer::{Pacer, Slot};
 pub use phase_lock::{Arrival, PhaseLock};
-pub use recording::join_snapshot;
+pub use recording::{SNAPSHOT_PERIOD_NS, join_snapshot};
 pub use reference_qp::Clarabel;
 pub use replica::Replica;
 pub use report::{Ending, Lapses, Percentiles, QpTotals, Realtime, Report, ThreadCounts};

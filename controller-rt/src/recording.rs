@@ -186,7 +186,10 @@ impl TickFacts {
             missed: finding.miss != MissCause::None,
             miss_cause: finding.miss,
             skip_cause: finding.skip,
-            due_ns: if slot.has_deadline { slot.due_ns } else { 0 },
+            due_offset_ns: match slot.has_deadline {
+                true => slot.due_ns.wrapping_sub(slot.time_ns).cast_signed(),
+                false => 0,
+            },
             stale: self.is_stale,
             held: self.is_held,
             frames: self.work.frames,

@@ -1,11 +1,39 @@
 //! What is done with a recorded run.
 
+use std::fmt;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
 use super::values::{parse_seconds, parse_set};
 use super::{BusKind, BusPlace, SolverKind};
+use crate::capture::Trigger;
+
+/// What of a rehearsal is kept at full rate.
+#[derive(Debug, Clone, PartialEq, Args)]
+pub struct CaptureArgs {
+    /// Keep the trace at full rate only around these events: miss, qp-fail, guard, clearance<METRES
+    /// (to an obstacle), error>METRES (to the truck ahead). The rest is thinned.
+    #[arg(long, value_name = "EVENT,...", value_delimiter = ',')]
+    pub capture: Vec<Trigger>,
+    /// Seconds before an event that are kept at least; it begins with the snapshot before them, at
+    /// most 10 s earlier, so that it replays.
+    #[arg(long, value_name = "S", requires = "capture", default_value_t = 2.0,
+        value_parser = parse_seconds)]
+    pub capture_before: f64,
+    /// Seconds behind an event that are kept.
+    #[arg(long, value_name = "S", requires = "capture", default_value_t = 1.0,
+        value_parser = parse_seconds)]
+    pub capture_after: f64,
+}
+
+impl fmt::Display for CaptureArgs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let words: Vec<String> = self.capture.iter().map(Trigger::to_string).collect();
+        let (before, after) = (self.capture_before, self.capture_after);
+        write!(f, "{}, {before} s before, {after} s behind", words.join(","))
+    }
+}
 
 /// Options of `replay`.
 #[derive(Debug, Clone, Args)]

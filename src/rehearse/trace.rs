@@ -9,12 +9,13 @@ use traces::{Attachment, MergeOptions, MergeReport, PartReport, Source};
 
 use super::{Outcome, Plan, describe_environment};
 use crate::bus::BusChoice;
+use crate::capture::{CAPTURE, Captured};
 use crate::cli::Word;
 use crate::run_folder::RunFolder;
 use crate::scenery;
 
-/// Merges what there is into `run.mcap` and removes the parts; what a killed process lost comes
-/// back as notes.
+/// Merges what there is into `run.mcap` and removes the parts; what a killed process lost, and what
+/// was captured, comes back as notes.
 ///
 /// # Errors
 /// Why there is no trace, in words; the parts are kept.
@@ -29,7 +30,13 @@ pub(super) fn merge(
         .map(|source| folder.part(&source.to_string()))
         .filter(|path| path.exists())
         .collect();
-    let options = options(plan, bus, outcome);
+    let mut options = options(plan, bus, outcome);
+    let asked = &plan.args.capture;
+    let captured = (!asked.capture.is_empty()).then(|| Captured::of(&parts, asked));
+    if let Some(captured) = &captured {
+        options.focus = Some(captured.focus());
+        options.metadata.insert(CAPTURE.to_owned(), captured.metadata(asked));
+    }
     let report =
         traces::merge_thinned(&parts, &folder.trace(), &options, scenery::SIGNALS_PERIOD_NS)
             .map_err(|error| format!("no trace: {error}"))?;
@@ -37,7 +44,7 @@ pub(super) fn merge(
         // A part that cannot be removed only takes room.
         let _ = fs::remove_file(part);
     }
-    Ok(notes(&report))
+    Ok(notes(&report).into_iter().chain(captured.map(|captured| captured.to_string())).collect())
 }
 
 fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions {
@@ -73,6 +80,7 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
             ("platoon.floor_us".to_owned(), describe_floor(outcome)),
         ]),
         scenery: scenery::of(&plan.scenario, &plan.calibration),
+        focus: None,
     }
 }
 

@@ -86,6 +86,11 @@ impl Derivation {
         Self { scenery, signals_period_ns, ..Self::default() }
     }
 
+    /// From now on, with at least `signals_period_ns` between two messages of one kind on one bus.
+    pub(crate) fn set_period(&mut self, signals_period_ns: u64) {
+        self.signals_period_ns = signals_period_ns;
+    }
+
     /// Gives everything that follows from a message, logged at `log_time_ns`, to `take`.
     ///
     /// # Errors
@@ -118,7 +123,7 @@ impl Derivation {
         message: &Message,
         buffer: &mut Vec<u8>,
     ) -> Option<&'static MessageInfo> {
-        let record = FrameRecord::decode(&message.data, 0, 0, 0).ok()?;
+        let record = FrameRecord::decode(&message.data, 0, 0).ok()?;
         let info = signals::message(&record.frame)?;
         let time_ns = message.time_ns();
         let newest_ns = self.newest_ns.get(&(bus, info.id));

@@ -2,7 +2,8 @@
 //!
 //! The message has the fields of ros2_socketcan's `FdFrame`, then those it lacks. `header.stamp`
 //! is the kernel's receive stamp when there is one, else the message's log time, and
-//! `header.frame_id` names the bus.
+//! `header.frame_id` names the bus. It is the one place of that stamp: its nanoseconds are noise that
+//! does not compress, and a second copy as the message's publish time would cost 3 MB a run.
 
 use platoon_dbc::{Frame, FrameFlags};
 
@@ -75,16 +76,16 @@ impl FrameRecord {
         cdr.u32(self.tick);
     }
 
-    /// The record of a CDR message. `log_time_ns` and `publish_time_ns` are those of its MCAP
-    /// message, `start_wall_ns` is the log time of bench time 0.
+    /// The record of a CDR message that was logged at `log_time_ns`; `start_wall_ns` is the log
+    /// time of bench time 0.
     pub(crate) fn decode(
         bytes: &[u8],
         log_time_ns: u64,
-        publish_time_ns: u64,
         start_wall_ns: u64,
     ) -> Result<Self, DecodeError> {
         let mut cdr = cdr::Reader::new(bytes)?;
-        let (_sec, _nanosec) = (cdr.i32()?, cdr.u32()?);
+        let sec = u64::try_from(cdr.i32()?).map_err(|_| DecodeError::OutOfRange)?;
+        let stamp_ns = sec * SECOND_NS + u64::from(cdr.u32()?);
         let bus = cdr.string()?.strip_prefix("bus").and_then(|bus| bus.parse().ok());
         let id = cdr.u32()?;
         let (is_extended, is_error) = (cdr.bool()?, cdr.bool()?);
@@ -103,7 +104,7 @@ impl FrameRecord {
         Ok(Self {
             bus: bus.ok_or(DecodeError::NotCdr)?,
             time_ns: log_time_ns.saturating_sub(start_wall_ns),
-            stamp_ns: if publish_time_ns == log_time_ns { 0 } else { publish_time_ns },
+            stamp_ns: if stamp_ns == log_time_ns { 0 } else { stamp_ns },
             tick,
             tx,
             frame,
@@ -133,8 +134,7 @@ mod tests {
         let log = start + record.time_ns;
         let mut bytes = Vec::new();
         record.encode(log, &mut bytes);
-        let publish = if record.stamp_ns == 0 { log } else { record.stamp_ns };
-        FrameRecord::decode(&bytes, log, publish, start).expect("decodes")
+        FrameRecord::decode(&bytes, log, start).expect("decodes")
     }
 
     fn record(frame: Frame) -> FrameRecord {

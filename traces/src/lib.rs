@@ -18,9 +18,9 @@
 //! | `/scene` | protobuf | merge | `foxglove.SceneUpdate` at 20 Hz |
 //! | `/tf` | protobuf | merge | `foxglove.FrameTransform` of the frame `platoon`, at 20 Hz |
 //!
-//! Log time is the wall clock at the run's start plus bench time; publish time is the kernel's
-//! receive stamp where there is one. Metadata `platoon.merged` tells the log time of bench time
-//! 0, `platoon.parts` what became of each part.
+//! Log and publish time are the wall clock at the run's start plus bench time; the kernel's receive
+//! stamp of a frame, where there is one, is its `header.stamp`. Metadata `platoon.merged` tells the
+//! log time of bench time 0, `platoon.parts` what became of each part.
 //!
 //! This crate knows CAN frames and `platoon.dbc`. It refuses to know the law or the plant, and
 //! reads no clock for what it writes: bench time and wall time arrive in the records. Only when
@@ -48,6 +48,7 @@ mod cdr;
 mod derived;
 mod dropped;
 mod fields;
+mod focus;
 mod foxglove;
 mod frame;
 mod input;
@@ -74,6 +75,7 @@ mod writer;
 
 pub use derived::{Derivation, Derived};
 pub use dropped::DroppedRecord;
+pub use focus::Focus;
 pub use frame::FrameRecord;
 pub use input::PartReport;
 pub use list::List;

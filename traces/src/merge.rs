@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use mcap::McapError;
 use thiserror::Error;
 
+use crate::focus::Focus;
 use crate::input::{Input, PartReport};
 use crate::merged::Merged;
 use crate::reader::Message;
@@ -33,6 +34,8 @@ pub struct MergeOptions {
     pub metadata: BTreeMap<String, BTreeMap<String, String>>,
     /// What scenes show besides trucks and obstacles.
     pub scenery: Scenery,
+    /// The parts of the run that are kept whole; all of it when there is none.
+    pub focus: Option<Focus>,
 }
 
 /// Why there is no merged trace.
@@ -85,7 +88,7 @@ pub fn merge(
 }
 
 /// As [`merge`], with at least `decoded_period_ns` of bench time between two decoded messages of
-/// one kind on one bus: a quarter smaller at 10 ms. The recorded frames are all there either way.
+/// one kind on one bus: a third smaller at 20 ms. The recorded frames are all there either way.
 ///
 /// # Errors
 /// As [`merge`].
@@ -166,8 +169,7 @@ fn write_all(
 ) -> Result<(u64, u64), McapError> {
     let start_wall_ns = inputs.iter().find_map(Input::start_wall_ns).unwrap_or(0);
     inputs.iter_mut().for_each(|input| input.assume_start_wall_ns(start_wall_ns));
-    let scenery = options.scenery.clone();
-    let mut merged = Merged::create(file, start_wall_ns, scenery, decoded_period_ns)?;
+    let mut merged = Merged::create(file, start_wall_ns, options, decoded_period_ns)?;
     for (name, pairs) in &options.metadata {
         merged.metadata(name, pairs.clone())?;
     }

@@ -105,15 +105,11 @@ impl Part {
     /// Appends one record.
     pub(crate) fn write(&mut self, number: u64, item: &Item) -> Result<(), McapError> {
         let log_time_ns = self.start_wall_ns.saturating_add(item.time_ns());
-        let mut publish_time_ns = log_time_ns;
         let mut buffer = std::mem::take(&mut self.buffer);
         buffer.clear();
         let topic = match (item, self.source) {
             (Item::Frame(record), source) => {
                 record.encode(log_time_ns, &mut buffer);
-                if record.stamp_ns != 0 {
-                    publish_time_ns = record.stamp_ns;
-                }
                 match source {
                     Source::Rig => Topic::Frames(record.bus),
                     Source::Ecu(truck) => Topic::Rx(truck),
@@ -133,7 +129,7 @@ impl Part {
             }
         };
         self.buffer = buffer;
-        self.put(topic, number, log_time_ns, publish_time_ns)
+        self.put(topic, number, log_time_ns)
     }
 
     /// Appends a gap marker.
@@ -145,18 +141,13 @@ impl Part {
         self.buffer.clear();
         record.encode(&mut self.buffer);
         let log_time_ns = self.start_wall_ns.saturating_add(record.time_ns);
-        self.put(Topic::Dropped(self.source), number, log_time_ns, log_time_ns)
+        self.put(Topic::Dropped(self.source), number, log_time_ns)
     }
 
-    fn put(
-        &mut self,
-        topic: Topic,
-        number: u64,
-        log_time: u64,
-        publish_time: u64,
-    ) -> Result<(), McapError> {
+    fn put(&mut self, topic: Topic, number: u64, log_time: u64) -> Result<(), McapError> {
         let channel_id = self.channel(topic)?;
-        let header = MessageHeader { channel_id, sequence: number as u32, log_time, publish_time };
+        let sequence = number as u32;
+        let header = MessageHeader { channel_id, sequence, log_time, publish_time: log_time };
         self.has_open_chunk = true;
         self.writer.write_to_known_channel(&header, &self.buffer)
     }

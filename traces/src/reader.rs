@@ -67,8 +67,6 @@ pub struct Message {
     pub sequence: u32,
     /// Log time \[ns since 1970\]: wall clock at the run's start plus bench time.
     pub log_time_ns: u64,
-    /// Publish time \[ns since 1970\]: the kernel's stamp where there is one.
-    pub publish_time_ns: u64,
     /// Log time of bench time 0 \[ns since 1970\].
     pub start_wall_ns: u64,
     /// The encoded record.
@@ -305,7 +303,6 @@ impl Reader {
             channel: Arc::clone(channel),
             sequence: header.sequence,
             log_time_ns: header.log_time,
-            publish_time_ns: header.publish_time,
             start_wall_ns,
             data: data.to_vec(),
         });

@@ -29,12 +29,9 @@ impl Record {
     pub(crate) fn decode(message: &Message) -> Result<Self, DecodeError> {
         let data = &message.data;
         Ok(match message.channel.kind.ok_or(DecodeError::UnknownSchema)? {
-            Topic::Frames(_) | Topic::Rx(_) => Self::Frame(FrameRecord::decode(
-                data,
-                message.log_time_ns,
-                message.publish_time_ns,
-                message.start_wall_ns,
-            )?),
+            Topic::Frames(_) | Topic::Rx(_) => {
+                Self::Frame(FrameRecord::decode(data, message.log_time_ns, message.start_wall_ns)?)
+            }
             Topic::Tick(_) => Self::Tick(Box::new(TickRecord::decode(data)?)),
             Topic::Truth => Self::Truth(Box::new(TruthRecord::decode(data)?)),
             Topic::Memory(_) => Self::Memory(Box::new(MemoryRecord::decode(data)?)),

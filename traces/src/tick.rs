@@ -144,8 +144,7 @@ message! {
         32 miss_cause: MissCause,
         /// What made the loop pass over the grid points before it.
         33 skip_cause: MissCause,
-        /// Reading of the loop's clock when the tick was due \[ns\]; 0 in virtual time.
-        34 due_ns: u64,
+        // 34 was the loop's clock itself when the tick was due; its offset hardly changes.
         /// Building the observation \[ns\].
         35 observe_ns: u32,
         /// Handing the tick *before* to the recorder \[ns\].
@@ -173,6 +172,8 @@ message! {
         /// How long the sentinel on the same CPU saw the machine stand still meanwhile \[ns\];
         /// asked only of ticks that missed or follow skipped ones.
         47 sentinel_gap_ns: u32,
+        /// The loop's clock when the tick was due, less bench time \[ns\]; 0 in virtual time.
+        48 due_offset_ns: i64,
     }
 }
 

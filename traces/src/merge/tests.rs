@@ -109,11 +109,18 @@ fn a_merged_frame_reads_back_as_recorded() {
         recorder.push(command(10));
         recorder.push(stamped);
     });
+    // Its wall clock was read 5 ns later, so its log times are others than in the merged trace.
+    let ecu = folder.part(Source::Ecu(1), 1_005, |recorder| {
+        recorder.push(command(30));
+        recorder.push(FrameRecord { stamp_ns: 98, ..command(40) });
+    });
     let out = folder.path("run.mcap");
-    merge(&[rig], &out, &MergeOptions::default()).expect("merges");
-    let reader = Reader::open(&out).expect("MCAP").with_topics(["/can/bus1/frames"]);
+    merge(&[rig, ecu], &out, &MergeOptions::default()).expect("merges");
+    let reader = Reader::open(&out).expect("MCAP");
+    let reader = reader.with_topics(["/can/bus1/frames", "/ecu1/rx"]);
     let frames: Vec<_> = reader.map(|message| message.record().expect("decodes")).collect();
-    assert_eq!(frames, [crate::Record::Frame(command(10)), crate::Record::Frame(stamped)]);
+    let of_ecu = [command(30), FrameRecord { stamp_ns: 98, ..command(40) }];
+    assert_eq!(frames, [command(10), stamped, of_ecu[0], of_ecu[1]].map(crate::Record::Frame));
 }
 
 #[test]
