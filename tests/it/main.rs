@@ -3,6 +3,7 @@
 mod architecture;
 mod bench;
 mod bus_timing;
+mod capture;
 mod compare;
 mod determinism;
 mod diff;

@@ -23,6 +23,9 @@ use crate::wire::DecodeError;
 
 /// Largest chunk that is decompressed, and largest record in it.
 const CHUNK_MAX: usize = 64 << 20;
+/// Bytes of a chunk's head without the name of its compression: two times, two sizes (8 each), a
+/// checksum and the length of that name (4 each).
+const CHUNK_HEAD_BYTES: u64 = 40;
 
 /// Why a trace cannot be read at all.
 #[derive(Debug, Error)]
@@ -227,7 +230,8 @@ impl Reader {
     /// Reads the next span into `ready`.
     fn open_span(&mut self, span: Span) {
         match self.read_span(span) {
-            Ok(bytes) => self.unpack(span, &bytes),
+            Ok(bytes) if is_filled(span, &bytes) => self.unpack(span, &bytes),
+            Ok(_) => self.lose(span),
             Err(_) => self.layout.loss.bytes += span.length,
         }
     }
@@ -258,10 +262,14 @@ impl Reader {
         if is_whole {
             self.unpacker = unpacker;
         } else {
-            self.layout.loss.chunks += u64::from(span.opcode == op::CHUNK);
-            self.layout.loss.bytes += span.length;
+            self.lose(span);
             self.unpacker = self::unpacker();
         }
+    }
+
+    fn lose(&mut self, span: Span) {
+        self.layout.loss.chunks += u64::from(span.opcode == op::CHUNK);
+        self.layout.loss.bytes += span.length;
     }
 
     /// Takes one record over into the tables or the messages.
@@ -326,6 +334,18 @@ impl Iterator for Reader {
 fn start_wall_ns(layout: &Layout) -> Option<u64> {
     let note = |name| layout.metadata.get(name)?.get("start_wall_ns")?.parse().ok();
     note(PART).or_else(|| note(MERGED))
+}
+
+/// Whether a chunk fills its record; a damaged head may say that it is empty, with no checksum.
+fn is_filled(span: Span, bytes: &[u8]) -> bool {
+    let body = bytes.get(scan::ENVELOPE as usize..).unwrap_or(&[]);
+    match mcap::parse_record(span.opcode, body) {
+        Ok(Raw::Chunk { header, .. }) => {
+            let head_bytes = CHUNK_HEAD_BYTES + header.compression.len() as u64;
+            head_bytes.checked_add(header.compressed_size) == Some(body.len() as u64)
+        }
+        _ => span.opcode != op::CHUNK,
+    }
 }
 
 /// A chunk's checksum is verified before its contents are believed.

@@ -15,6 +15,8 @@ pub(crate) const ENVELOPE: u64 = 9;
 /// Where a statistics record has its number of chunks: behind the numbers of messages (8 bytes),
 /// schemas (2), channels, attachments and metadata records (4 each).
 const CHUNK_COUNT: std::ops::Range<usize> = 22..26;
+/// Body of a footer: two offsets (8 bytes each) and a checksum (4).
+const FOOTER_BYTES: u64 = 20;
 /// Largest attachment or metadata record that is read into memory.
 const SIDE_RECORD_MAX: u64 = 256 << 20;
 
@@ -73,6 +75,8 @@ pub(crate) struct Layout {
     /// Bytes behind it.
     rest: u64,
     in_summary: bool,
+    /// Whether the chunks were counted against the writer's own count.
+    is_counted: bool,
 }
 
 /// Whether the file begins as an MCAP file does.
@@ -131,9 +135,13 @@ impl Layout {
             };
             let span = Span { opcode, offset: self.end, length: ENVELOPE + body };
             match opcode {
-                op::FOOTER => return Ok(()),
+                // Elsewhere it is a chunk whose opcode was damaged, and more comes behind it.
+                op::FOOTER if rest == ENVELOPE + FOOTER_BYTES + MAGIC.len() as u64 => {
+                    self.loss.records += u64::from(!self.is_counted);
+                    return Ok(());
+                }
                 op::DATA_END => self.in_summary = true,
-                op::STATISTICS => self.compare_statistics(&read_body(source, body.min(64))?),
+                op::STATISTICS if self.in_summary => self.compare_statistics(&read_body(source, body.min(64))?),
                 op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE if !self.in_summary => {
                     self.spans.push(span);
                 }
@@ -163,6 +171,7 @@ impl Layout {
 
     /// Notices chunks that a damaged opcode has hidden, by the count the writer left.
     fn compare_statistics(&mut self, body: &[u8]) {
+        self.is_counted = true;
         let Some(count) = body.get(CHUNK_COUNT).and_then(|bytes| bytes.try_into().ok()) else {
             self.loss.records += 1;
             return;
