@@ -108,7 +108,7 @@ impl Row {
 
 /// What was lost at a tick: slots before it, the tick itself, or both.
 fn losses(tick: &TickRecord, period_ns: u64) -> impl Iterator<Item = Loss> {
-    let due_ns = tick.due_ns;
+    let due_ns = tick.due_ns();
     let skipped = (tick.skipped > 0).then(|| Loss {
         from_ns: due_ns.saturating_sub(u64::from(tick.skipped) * period_ns),
         to_ns: due_ns,
@@ -140,7 +140,7 @@ fn answer(
     }
     // Other faults delay the rig as well, which is not what they are judged by.
     let asks_for_stale = kind.right().contains(&Answer::Stale);
-    let within = |tick: &&TickRecord| (strike.from_ns..=strike.to_ns).contains(&tick.due_ns);
+    let within = |tick: &&TickRecord| (strike.from_ns..=strike.to_ns).contains(&tick.due_ns());
     match ticks.iter().filter(within).any(|tick| tick.stale && asks_for_stale) {
         true => Answer::Stale,
         false => Answer::Nothing,
@@ -226,7 +226,8 @@ mod tests {
     fn run(ticks: u64) -> Vec<TickRecord> {
         let tick = |n: u64| TickRecord {
             tick: n as u32,
-            due_ns: (10 + n) * MS,
+            time_ns: n * MS,
+            due_offset_ns: 10 * MS as i64,
             total_ns: 100_000,
             ..TickRecord::default()
         };

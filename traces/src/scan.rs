@@ -141,7 +141,9 @@ impl Layout {
                     return Ok(());
                 }
                 op::DATA_END => self.in_summary = true,
-                op::STATISTICS if self.in_summary => self.compare_statistics(&read_body(source, body.min(64))?),
+                op::STATISTICS if self.in_summary => {
+                    self.compare_statistics(&read_body(source, body.min(64))?)
+                }
                 op::CHUNK | op::SCHEMA | op::CHANNEL | op::MESSAGE if !self.in_summary => {
                     self.spans.push(span);
                 }

@@ -198,6 +198,15 @@ impl MissCause {
 }
 
 impl TickRecord {
+    /// Reading of the loop's clock when the tick was due \[ns\]; 0 in virtual time.
+    #[must_use]
+    pub const fn due_ns(&self) -> u64 {
+        match self.due_offset_ns {
+            0 => 0,
+            offset_ns => self.time_ns.wrapping_add_signed(offset_ns),
+        }
+    }
+
     /// The working set as one number, bit `i` for row `i`.
     #[must_use]
     pub fn working_set_bits(&self) -> u128 {
