@@ -31,6 +31,7 @@ mod feed;
 mod floor;
 mod gain;
 mod gateway;
+mod heap;
 mod identify;
 mod import;
 mod live;

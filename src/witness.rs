@@ -6,6 +6,8 @@ use controller_rt::{ThreadTotals, Witness};
 use vcan_setup::account::{ThreadAccount, ThreadUsage};
 use vcan_setup::pauses::PauseReader;
 
+use crate::heap;
+
 /// The kernel's account of a thread, and the pauses that a sentinel noted.
 #[derive(Debug)]
 pub struct HostWitness {
@@ -41,6 +43,7 @@ impl Witness for HostWitness {
             major_faults,
             voluntary_switches,
             involuntary_switches,
+            heap_uses: heap::uses(),
         })
     }
 

@@ -134,6 +134,7 @@ impl Inquest {
             involuntary_switches: totals.involuntary_switches,
             cpu_ns: totals.cpu_ns,
             run_delay_ns: totals.run_delay_ns,
+            heap_uses: totals.heap_uses,
         })
     }
 

@@ -98,6 +98,9 @@ pub struct ThreadCounts {
     pub cpu_ns: u64,
     /// Time spent runnable but without a CPU \[ns\].
     pub run_delay_ns: u64,
+    /// Times it asked the heap for memory or gave some back.
+    #[serde(default)]
+    pub heap_uses: u64,
 }
 
 /// Why a run ended.

@@ -18,6 +18,8 @@ pub struct ThreadTotals {
     pub voluntary_switches: u64,
     /// Times the CPU was taken from it.
     pub involuntary_switches: u64,
+    /// Times it asked the heap for memory or gave some back.
+    pub heap_uses: u64,
 }
 
 impl ThreadTotals {
@@ -29,6 +31,7 @@ impl ThreadTotals {
         major_faults: 0,
         voluntary_switches: 0,
         involuntary_switches: 0,
+        heap_uses: 0,
     };
 
     /// What was added since `earlier`.
@@ -43,6 +46,7 @@ impl ThreadTotals {
             involuntary_switches: self
                 .involuntary_switches
                 .saturating_sub(earlier.involuntary_switches),
+            heap_uses: self.heap_uses.saturating_sub(earlier.heap_uses),
         }
     }
 }

@@ -291,8 +291,9 @@ fn ecu_line(ecu: &Report, is_virtual: bool) -> String {
     if ecu.on_overrun != OnOverrun::Skip {
         line += &format!("; on overrun: {}, {} commands held", ecu.on_overrun, ecu.held_ticks);
     }
-    if let Some(thread) = ecu.thread.filter(|t| t.minor_faults + t.major_faults > 0) {
-        line += &format!("; {} page faults", thread.minor_faults + thread.major_faults);
+    if let Some(thread) = ecu.thread {
+        let faults = thread.minor_faults + thread.major_faults;
+        line += &format!("; {faults} page faults, {} uses of the heap", thread.heap_uses);
     }
     match &ecu.realtime {
         Some(rt) if rt.policy.contains("FIFO") || rt.policy.contains("fifo") => line,

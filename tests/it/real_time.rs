@@ -77,6 +77,7 @@ fn four_ecu_processes_and_the_rig_complete_a_run() {
     for ecu in json["ecus"].as_array().expect("a list") {
         assert!(ecu["ticks"].as_u64() > Some(0), "{ecu}");
         assert!(ecu["realtime"]["policy"].is_string(), "{ecu}");
+        assert_eq!(ecu["thread"]["heap_uses"].as_u64(), Some(0), "{ecu}");
         for phase in PHASES {
             assert_rising(&ecu["phase_us"][phase], &["p50", "p90", "p99", "p999", "max"]);
         }
@@ -116,6 +117,23 @@ fn one_ecu_under_test_and_the_others_beside_the_rig_all_report() {
     assert!(ecus[0].1.windows(2).any(|pair| pair == ["--truck", "2"]), "{ecus:?}");
     assert_eq!(reporting(&run.summary()), [0, 1, 2, 3]);
     assert_trace_is_whole(&run, &[0, 1, 2, 3]);
+}
+
+#[test]
+#[ignore = "a minute in real time: ./test.sh --long"]
+fn heavy_in_a_minute_at_1_khz_no_loop_uses_the_heap_or_faults_a_page() {
+    let arguments = ["--bus", "udp", "--rate-hz", "1000", "--duration-s", "62"];
+    let run = bench::start_rehearsal("real-time-minute", &arguments).finish(LIMIT);
+    let summary = run.summary();
+    assert_eq!(reporting(&summary), [0, 1, 2, 3], "{}", run.stderr);
+    for ecu in &summary.ecus {
+        let realtime = ecu.realtime.as_ref().expect("it ran in real time");
+        assert!(realtime.mlock, "pages fault where memory is not locked: platoon vcan check");
+        let thread = ecu.thread.expect("Linux tells");
+        assert!(thread.cpu_ns > 0 && ecu.ticks > 30_000, "{ecu:?}");
+        let found = (thread.heap_uses, thread.minor_faults, thread.major_faults);
+        assert_eq!(found, (0, 0, 0), "uses of the heap, minor and major faults of {ecu:?}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 
-use controller_rt::{Config, Ecu, LawController};
+use controller_rt::{Config, Controller, Ecu, LawController};
 use law::qp::ActiveSet;
 use law::{Calibration, Law, Structure};
 use platoon_dbc::{
@@ -37,12 +37,21 @@ impl Clock for StillClock {
 
 /// Truck 1's ECU with a law of this structure, and the rig at the other end of its bus.
 pub fn follower(structure: Structure, recorder: Option<Recorder>) -> (Rig, Ecu) {
+    follower_with(law(structure), recorder)
+}
+
+/// The same with whatever is in the law's place.
+pub fn follower_with(law: Box<dyn Controller>, recorder: Option<Recorder>) -> (Rig, Ecu) {
     let (bus, ecu_bus) = Loopback::pair("loopback1", 1024);
-    let calibration = Calibration { structure, ..Calibration::default() };
-    let law = LawController::new(Law::new(calibration, ActiveSet));
     let config = Config { truck: 1, ..Config::default() };
-    let ecu = Ecu::new(config, Box::new(ecu_bus), Box::new(law), recorder);
+    let ecu = Ecu::new(config, Box::new(ecu_bus), law, recorder);
     (Rig { bus, counters: [0; 9] }, ecu)
+}
+
+/// A law with this structure.
+pub fn law(structure: Structure) -> Box<dyn Controller> {
+    let calibration = Calibration { structure, ..Calibration::default() };
+    Box::new(LawController::new(Law::new(calibration, ActiveSet)))
 }
 
 /// The other end of the bus.
