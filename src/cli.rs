@@ -6,6 +6,7 @@ mod deadline_options;
 mod law_options;
 mod miss_budget_options;
 mod report_options;
+mod step_cost_options;
 mod timing_options;
 mod trace_options;
 mod values;
@@ -30,6 +31,7 @@ pub use deadline_options::{DeadlineArgs, FloorArgs, LoadArgs};
 pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
 pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
+pub use step_cost_options::StepCostArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
     CaptureArgs, DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs,
@@ -83,6 +85,8 @@ pub enum Verb {
     Load(LoadArgs),
     /// Find how many deadlines in a row an ECU may miss, and what that costs in metres.
     MissBudget(MissBudgetArgs),
+    /// Measure the CPU time of every step of the law over a whole run.
+    StepCost(StepCostArgs),
     /// Inject faults of known kinds into a real loop and count the causes that it finds.
     Blame(BlameArgs),
     /// List the scenarios, or print one with all its numbers.

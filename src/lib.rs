@@ -46,6 +46,7 @@ mod run_folder;
 mod scenarios;
 mod scenery;
 mod stall;
+mod step_cost;
 pub mod summary;
 mod timing;
 mod trace;
@@ -77,6 +78,7 @@ pub fn main() -> ExitCode {
         Verb::Floor(args) => floor::run(&args).map(|()| Verdict::Pass),
         Verb::Load(args) => deadline::load(&args).map(|()| Verdict::Pass),
         Verb::MissBudget(args) => miss_budget::run(&args).map(|()| Verdict::Pass),
+        Verb::StepCost(args) => step_cost::run(&args).map(|()| Verdict::Pass),
         Verb::Blame(args) => blame::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),

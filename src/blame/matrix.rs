@@ -153,10 +153,10 @@ fn unfounded(ticks: &[TickRecord], period_ns: u64) -> usize {
     let mut count = 0;
     for tick in ticks {
         let passed_on = |cause: MissCause| cause != MissCause::None && cause == before;
-        // The first of the skipped was later than it may be by this at least.
-        let skip_late_ns = u64::from(tick.skipped).saturating_sub(1) * period_ns;
+        // Slots may be passed over one by one, each by as little as nothing beyond what it may be
+        // late; so there must be evidence for a skip, and for a miss enough of it.
         for (is_lost, cause, late_ns) in [
-            (tick.skipped > 0, tick.skip_cause, skip_late_ns),
+            (tick.skipped > 0, tick.skip_cause, 0),
             (tick.missed, tick.miss_cause, u64::from(tick.total_ns).saturating_sub(period_ns)),
         ] {
             let is_founded = passed_on(cause) || 2 * evidence_ns(tick, cause) > late_ns;
