@@ -30,7 +30,7 @@ const DIGITS: u8 = 3;
 /// counts at the lateness of the last of these, an upper bound for each of them.
 const SLEPT_THROUGH_EACH_MAX: u64 = 1_000_000;
 /// Lateness \[ns\] from which a wake-up counts as a pause of the machine.
-const PAUSE_NS_MIN: u64 = 150_000;
+pub const PAUSE_NS_MIN: u64 = 150_000;
 /// Nanoseconds in a microsecond.
 const NS_PER_US: f64 = 1e3;
 
