@@ -5,6 +5,7 @@ mod bench;
 mod bus_timing;
 mod capture;
 mod compare;
+mod deadline;
 mod determinism;
 mod diff;
 mod distributed_mpc;
