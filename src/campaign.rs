@@ -16,10 +16,13 @@ use bench_sim::{Results, Scenario};
 use controller_rt::Report;
 use law::Calibration;
 
+use platoon_dbc::Profile;
+
 use crate::calibration;
-use crate::cli::{ControllerKind, SolverKind};
+use crate::cli::{ControllerKind, LawArgs, SolverKind};
 use crate::failure::Failure;
 use crate::fault::Fault;
+use crate::gain::{self, Settled};
 use crate::rehearse::virtual_time::{Experiment, observe};
 
 pub use trajectory::{Moment, ObstacleMoment, Sampling, Trajectory, TruckMoment};
@@ -40,6 +43,12 @@ pub struct Cell {
     pub sampling: Sampling,
     /// What breaks, and when.
     pub faults: Vec<Fault>,
+    /// Number of the law's gain in the ECUs' states.
+    pub gain_id: u8,
+    /// QP solver of the motion layer.
+    pub solver: SolverKind,
+    /// Whether the guards' emergency layer is off.
+    pub without_emergency_braking: bool,
 }
 
 impl Cell {
@@ -59,8 +68,35 @@ impl Cell {
         if let Some(controller) = controller {
             calibration.structure = controller.into();
         }
-        let (sampling, faults) = (Sampling::default(), Vec::new());
-        Ok(Self { scenario, calibration, rate_hz, seed: 1, sampling, faults })
+        Ok(Self {
+            scenario,
+            calibration,
+            rate_hz,
+            seed: 1,
+            sampling: Sampling::default(),
+            faults: Vec::new(),
+            gain_id: 0,
+            solver: SolverKind::ActiveSet,
+            without_emergency_braking: false,
+        })
+    }
+
+    /// The same cell with its law run as the options say, if its gain may drive what it drives.
+    ///
+    /// # Errors
+    /// When there is no such gain, or it is not certified and nobody allowed that.
+    pub fn with_law(self, options: &LawArgs) -> Result<Self, Failure> {
+        let calibration = calibration::asked_for(self.calibration, options, Profile::Fd)?;
+        let trucks = self.scenario.platoon.trucks;
+        let Settled { calibration, gain_id, .. } =
+            gain::settled(calibration, options, Some(trucks))?;
+        Ok(Self {
+            calibration,
+            gain_id,
+            solver: options.solver,
+            without_emergency_braking: options.no_emergency_braking,
+            ..self
+        })
     }
 
     /// Bench time it covers \[s\].
@@ -158,11 +194,11 @@ fn one(cell: &Cell, stop: &Arc<AtomicBool>) -> Result<Outcome, Failure> {
     let experiment = Experiment {
         scenario: &cell.scenario,
         calibration: cell.calibration,
-        gain_id: 0,
-        solver: SolverKind::ActiveSet,
+        gain_id: cell.gain_id,
+        solver: cell.solver,
         rate_hz: cell.rate_hz,
         seed: cell.seed,
-        without_emergency_braking: false,
+        without_emergency_braking: cell.without_emergency_braking,
         faults: &cell.faults,
     };
     let overheard = Overheard::of(cell.scenario.platoon.trucks);

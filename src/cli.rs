@@ -7,6 +7,7 @@ mod law_options;
 mod miss_budget_options;
 mod report_options;
 mod step_cost_options;
+mod sweep_options;
 mod timing_options;
 mod trace_options;
 mod values;
@@ -32,6 +33,7 @@ pub use law_options::{ControllerKind, LawArgs, SolverKind, UclKind};
 pub use miss_budget_options::MissBudgetArgs;
 pub use report_options::ReportArgs;
 pub use step_cost_options::StepCostArgs;
+pub use sweep_options::SweepArgs;
 pub use timing_options::{OverrunArgs, SupervisedArgs, TimingArgs};
 pub use trace_options::{
     CaptureArgs, DiffArgs, ExportArgs, ExportFormat, ExtractArgs, ImportArgs, PlayArgs, ReplayArgs,
@@ -89,6 +91,8 @@ pub enum Verb {
     StepCost(StepCostArgs),
     /// Inject faults of known kinds into a real loop and count the causes that it finds.
     Blame(BlameArgs),
+    /// Run scenarios over many seeds and say how far from its limit every criterion stays.
+    Sweep(SweepArgs),
     /// List the scenarios, or print one with all its numbers.
     Scenarios(ScenariosArgs),
     /// Design gains of the coordination layer and check what they claim.

@@ -22,7 +22,7 @@ mod page;
 pub(crate) mod picture;
 mod requirement;
 mod road;
-mod spread;
+pub(crate) mod spread;
 #[cfg(test)]
 mod tests;
 mod tuning;

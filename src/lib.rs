@@ -48,6 +48,8 @@ mod scenery;
 mod stall;
 mod step_cost;
 pub mod summary;
+mod sweep;
+mod table;
 mod timing;
 mod trace;
 mod vcan;
@@ -80,6 +82,7 @@ pub fn main() -> ExitCode {
         Verb::MissBudget(args) => miss_budget::run(&args).map(|()| Verdict::Pass),
         Verb::StepCost(args) => step_cost::run(&args).map(|()| Verdict::Pass),
         Verb::Blame(args) => blame::run(&args),
+        Verb::Sweep(args) => sweep::run(&args),
         Verb::Scenarios(args) => scenarios::run(&args).map(|()| Verdict::Pass),
         Verb::Compare(args) => compare::run(&args),
         Verb::Report(args) => report::run(&args).map(|()| Verdict::Pass),

@@ -166,6 +166,17 @@ pub enum Model {
     Prediction,
 }
 
+impl std::fmt::Display for Model {
+    /// As `plant.model` names it.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::SingleTrack => "single-track",
+            Self::TwoTrack => "two-track",
+            Self::Prediction => "prediction",
+        })
+    }
+}
+
 /// What the trucks are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]

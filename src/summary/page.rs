@@ -3,16 +3,15 @@
 use std::fmt::Write;
 
 use anstyle::{AnsiColor, Style};
-use comfy_table::{CellAlignment, Table};
+use comfy_table::Table;
 use controller_rt::{OnOverrun, Percentiles, Report};
 use platoon_dbc::BusTiming;
 
 use super::{Summary, Verdict};
 use crate::cli::BusTimingKind;
+use crate::table::{self, number};
 use crate::timing::TimingVerdict;
 
-/// A line under the header and nothing else.
-const RULED: &str = "     ──            ";
 /// Phases of a tick in the order they happen.
 const PHASES: [&str; 8] = ["wake", "drain", "observe", "ucl", "lml_build", "qp", "guard", "send"];
 /// Misses shown.
@@ -106,7 +105,7 @@ fn observed(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if summary.bus.observed.is_empty() {
         return Ok(());
     }
-    let mut table = new_table(&["µs", "frames", "p99", "max", "bound"]);
+    let mut table = table::ruled(&["µs", "frames", "p99", "max", "bound"]);
     for seen in &summary.bus.observed {
         table.add_row([
             seen.message.clone(),
@@ -125,7 +124,7 @@ fn profile_cost(page: &mut String, summary: &Summary) -> std::fmt::Result {
         return Ok(());
     };
     let header = ["truck", "furthest apart", "error to leader", "to pred.", "clearance lost"];
-    let mut table = new_table(&header);
+    let mut table = table::ruled(&header);
     let signed = |change_m: f64| format!("{change_m:+.3} m");
     for truck in &cost.trucks {
         table.add_row([
@@ -140,7 +139,7 @@ fn profile_cost(page: &mut String, summary: &Summary) -> std::fmt::Result {
 }
 
 fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {
-    let mut table = new_table(&[
+    let mut table = table::ruled(&[
         "truck",
         "error to\nleader m",
         "to pred.\nm",
@@ -179,7 +178,7 @@ fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if failed.is_empty() {
         return writeln!(page, "\n{GOOD}All {} criteria hold.{GOOD:#}", summary.criteria.len());
     }
-    let mut table = new_table(&["criterion that fails", "limit", "value"]);
+    let mut table = table::ruled(&["criterion that fails", "limit", "value"]);
     for criterion in failed {
         table.add_row([
             criterion.name.clone(),
@@ -191,7 +190,7 @@ fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
 }
 
 fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
-    let mut table = new_table(&["µs", "p50", "p90", "p99", "p99.9", "max"]);
+    let mut table = table::ruled(&["µs", "p50", "p90", "p99", "p99.9", "max"]);
     let row = |name: String, p: &Percentiles| {
         [name, micro(p.p50), micro(p.p90), micro(p.p99), micro(p.p999), micro(p.max)]
     };
@@ -244,7 +243,7 @@ fn gallery(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if worst.is_empty() {
         return Ok(());
     }
-    let mut table = new_table(&["ECU", "at s", "late by µs", "cause", "ended after due, µs"]);
+    let mut table = table::ruled(&["ECU", "at s", "late by µs", "cause", "ended after due, µs"]);
     for (truck, miss) in worst.into_iter().take(GALLERY_ROWS) {
         let ends: Vec<String> =
             miss.timeline_us.iter().map(|(phase, us)| format!("{phase} {us:.0}")).collect();
@@ -323,16 +322,6 @@ fn section(page: &mut String, title: &str, table: &Table) -> std::fmt::Result {
     writeln!(page, "\n{HEADING}{title}{HEADING:#}\n{table}")
 }
 
-/// A table whose numbers line up on the right.
-fn new_table(header: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(RULED).set_header(header);
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
-    table
-}
-
 fn or_never<T>(value: Option<T>, text: impl Fn(T) -> String) -> String {
     value.map_or("never".into(), text)
 }
@@ -343,10 +332,4 @@ fn or_dash<T>(value: Option<T>, text: impl Fn(T) -> String) -> String {
 
 fn micro(us: f64) -> String {
     if us < 100.0 { format!("{us:.1}") } else { format!("{us:.0}") }
-}
-
-/// At most four significant digits, without trailing zeros.
-fn number(x: f64) -> String {
-    let rounded = format!("{x:.3}");
-    rounded.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

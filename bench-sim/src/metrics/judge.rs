@@ -35,6 +35,12 @@ impl Criterion {
     pub fn exactly(name: &str, limit: f64, value: f64) -> Self {
         Self { name: name.to_owned(), limit, value: Some(value), passed: value == limit }
     }
+
+    /// Whether larger values are better, as the keys of the scenario's `criteria` say it.
+    #[must_use]
+    pub fn is_lower_limit(&self) -> bool {
+        self.name.starts_with("min_")
+    }
 }
 
 /// The criteria the rig can judge, in the scenario's order.
