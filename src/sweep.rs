@@ -145,7 +145,7 @@ impl Swept {
             self.rate_hz
         );
         let header = ["criterion", "limit", "worst", "seed", "median", "5 %", "95 %", "broken"];
-        let mut table = table::ruled(&header);
+        let mut table = table::numbers(header);
         for criterion in &self.criteria {
             let spread = |of: fn(&Spread) -> f64| {
                 criterion.values.as_ref().map_or("-".to_owned(), |values| number(of(values)))

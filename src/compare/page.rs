@@ -3,16 +3,15 @@
 use std::fmt::Write;
 
 use anstyle::{AnsiColor, Style};
-use comfy_table::{CellAlignment, ContentArrangement, Table};
+use comfy_table::{ContentArrangement, Table};
 
 use super::claim::Agreement;
 use super::comparison::Comparison;
 use super::requirement::Judged;
 use super::spread::fixed;
 use crate::summary::Verdict;
+use crate::table;
 
-/// A line under the header and nothing else.
-const RULED: &str = "     ──            ";
 /// Widest line [columns].
 const COLUMNS_MAX: u16 = 100;
 const GOOD: Style = AnsiColor::Green.on_default().bold();
@@ -163,8 +162,7 @@ fn section(page: &mut String, title: &str, table: &Table) -> std::fmt::Result {
 
 /// A table of words.
 fn words(header: &[&str]) -> Table {
-    let mut table = Table::new();
-    table.load_preset(RULED).set_header(header);
+    let mut table = table::words(header.to_vec());
     table.set_content_arrangement(ContentArrangement::Dynamic).set_width(COLUMNS_MAX);
     table
 }
@@ -172,8 +170,6 @@ fn words(header: &[&str]) -> Table {
 /// A table whose numbers line up on the right.
 pub fn table(header: &[&str]) -> Table {
     let mut table = words(header);
-    for column in table.column_iter_mut().skip(1) {
-        column.set_cell_alignment(CellAlignment::Right);
-    }
+    table::align_numbers(&mut table);
     table
 }

@@ -9,10 +9,9 @@ use super::load::Load;
 use super::outcome::{CellOutcome, Deadline, Sustained};
 use super::plan::Subject;
 use crate::cli::Word;
+use crate::table;
 use crate::timing::TimingVerdict;
 
-/// A line under the header and nothing else.
-const RULED: &str = "     ──            ";
 const GOOD: Style = AnsiColor::Green.on_default().bold();
 const BAD: Style = AnsiColor::Red.on_default().bold();
 const UNSURE: Style = AnsiColor::Yellow.on_default().bold();
@@ -119,9 +118,8 @@ fn matrix(cells: &[&CellOutcome]) -> Table {
     let mut rates: Vec<u32> = cells.iter().map(|outcome| outcome.cell.rate_hz).collect();
     rates.sort_unstable();
     rates.dedup();
-    let mut table = Table::new();
     let header = std::iter::once("rate".to_owned()).chain(loads.iter().map(Word::word));
-    table.load_preset(RULED).set_header(header);
+    let mut table = table::words(header.collect::<Vec<_>>());
     for rate_hz in rates {
         let at = |load: &Load| {
             let is_it = |outcome: &&&CellOutcome| {

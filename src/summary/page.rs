@@ -105,7 +105,7 @@ fn observed(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if summary.bus.observed.is_empty() {
         return Ok(());
     }
-    let mut table = table::ruled(&["µs", "frames", "p99", "max", "bound"]);
+    let mut table = table::numbers(["µs", "frames", "p99", "max", "bound"]);
     for seen in &summary.bus.observed {
         table.add_row([
             seen.message.clone(),
@@ -124,7 +124,7 @@ fn profile_cost(page: &mut String, summary: &Summary) -> std::fmt::Result {
         return Ok(());
     };
     let header = ["truck", "furthest apart", "error to leader", "to pred.", "clearance lost"];
-    let mut table = table::ruled(&header);
+    let mut table = table::numbers(header);
     let signed = |change_m: f64| format!("{change_m:+.3} m");
     for truck in &cost.trucks {
         table.add_row([
@@ -139,7 +139,7 @@ fn profile_cost(page: &mut String, summary: &Summary) -> std::fmt::Result {
 }
 
 fn trucks(page: &mut String, summary: &Summary) -> std::fmt::Result {
-    let mut table = table::ruled(&[
+    let mut table = table::numbers([
         "truck",
         "error to\nleader m",
         "to pred.\nm",
@@ -178,7 +178,7 @@ fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if failed.is_empty() {
         return writeln!(page, "\n{GOOD}All {} criteria hold.{GOOD:#}", summary.criteria.len());
     }
-    let mut table = table::ruled(&["criterion that fails", "limit", "value"]);
+    let mut table = table::numbers(["criterion that fails", "limit", "value"]);
     for criterion in failed {
         table.add_row([
             criterion.name.clone(),
@@ -190,7 +190,7 @@ fn criteria(page: &mut String, summary: &Summary) -> std::fmt::Result {
 }
 
 fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
-    let mut table = table::ruled(&["µs", "p50", "p90", "p99", "p99.9", "max"]);
+    let mut table = table::numbers(["µs", "p50", "p90", "p99", "p99.9", "max"]);
     let row = |name: String, p: &Percentiles| {
         [name, micro(p.p50), micro(p.p90), micro(p.p99), micro(p.p999), micro(p.max)]
     };
@@ -243,7 +243,7 @@ fn gallery(page: &mut String, summary: &Summary) -> std::fmt::Result {
     if worst.is_empty() {
         return Ok(());
     }
-    let mut table = table::ruled(&["ECU", "at s", "late by µs", "cause", "ended after due, µs"]);
+    let mut table = table::numbers(["ECU", "at s", "late by µs", "cause", "ended after due, µs"]);
     for (truck, miss) in worst.into_iter().take(GALLERY_ROWS) {
         let ends: Vec<String> =
             miss.timeline_us.iter().map(|(phase, us)| format!("{phase} {us:.0}")).collect();
