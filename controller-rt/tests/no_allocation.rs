@@ -3,7 +3,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use bench::{PERIOD_NS, StillClock, follower_with, law};
+use bench::{PERIOD_NS, StillClock, follower, law};
 use controller_rt::{Around, Controller, Slot};
 use law::Structure;
 use platoon_dbc::EcuMode;
@@ -65,7 +65,7 @@ fn allocations_of_the_worst_tick(law: Box<dyn Controller>, name: &str) -> u64 {
     let file = format!("no-allocation-{name}-{}.mcap", std::process::id());
     let path = std::env::temp_dir().join(file);
     let recorder = Recorder::start(&path, RecorderOptions::new(Source::Ecu(1))).expect("writable");
-    let (mut rig, mut ecu) = follower_with(law, Some(recorder));
+    let (mut rig, mut ecu) = follower(law, Some(recorder));
     let clock = StillClock::default();
     rig.invite();
     rig.publish(0);

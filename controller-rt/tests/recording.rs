@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use bench::{PERIOD_NS, StillClock, follower};
+use bench::{PERIOD_NS, StillClock, follower, law};
 use controller_rt::{Slot, join_snapshot};
 use law::Structure;
 use platoon_dbc::Bus;
@@ -56,7 +56,7 @@ impl Recording {
 /// Runs a follower for [`TICKS`] ticks, leaving out some, and reads its recording back.
 fn recorded(name: &str, structure: Structure) -> Recorded {
     let recording = Recording::named(name);
-    let (mut rig, mut ecu) = follower(structure, Some(recording.recorder()));
+    let (mut rig, mut ecu) = follower(law(structure), Some(recording.recorder()));
     let clock = StillClock::default();
     rig.invite();
     rig.publish(0);
@@ -87,7 +87,7 @@ fn replayed(recorded: &Recorded, structure: Structure, from: u32) -> Recorded {
         recorded.memories.iter().filter(|part| part.tick == from).copied().collect();
     let snapshot = join_snapshot(&parts).expect("a snapshot");
     let recording = Recording::named("replayed");
-    let (mut rig, mut ecu) = follower(structure, Some(recording.recorder()));
+    let (mut rig, mut ecu) = follower(law(structure), Some(recording.recorder()));
     let clock = StillClock::default();
     assert!(ecu.restore(&snapshot));
     let mut frames = recorded.frames.iter().filter(|frame| frame.tick > from).peekable();

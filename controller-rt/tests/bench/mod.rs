@@ -35,13 +35,8 @@ impl Clock for StillClock {
     }
 }
 
-/// Truck 1's ECU with a law of this structure, and the rig at the other end of its bus.
-pub fn follower(structure: Structure, recorder: Option<Recorder>) -> (Rig, Ecu) {
-    follower_with(law(structure), recorder)
-}
-
-/// The same with whatever is in the law's place.
-pub fn follower_with(law: Box<dyn Controller>, recorder: Option<Recorder>) -> (Rig, Ecu) {
+/// Truck 1's ECU with this law, and the rig at the other end of its bus.
+pub fn follower(law: Box<dyn Controller>, recorder: Option<Recorder>) -> (Rig, Ecu) {
     let (bus, ecu_bus) = Loopback::pair("loopback1", 1024);
     let config = Config { truck: 1, ..Config::default() };
     let ecu = Ecu::new(config, Box::new(ecu_bus), law, recorder);
