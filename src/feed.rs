@@ -48,8 +48,8 @@ impl<C: Clock + Send> Feed<C> {
         if frames.is_empty() {
             let path = recording.display();
             return Err(Failure::usage(format!(
-                "--feed {path}: holds nothing that the ECU of truck {truck} received; name its part \
-                 of a run in virtual time"
+                "--feed {path}: holds nothing that the ECU of truck {truck} received; name its \
+                 part of a run in virtual time"
             )));
         }
         Ok(Self::of(frames, clock))

@@ -107,9 +107,9 @@ impl Losses {
 
     /// These losses if no pause of the machine can have been taken for them, else none.
     ///
-    /// A sentinel with the loop's period sees no pause that falls between two of its wake-ups: up to
-    /// a period and what it puts up with, [`UNSEEN_NS`]. Who loses two slots or more at a time was
-    /// busy for at least a period and a half, which is longer, unless the period is very short.
+    /// A sentinel with the loop's period sees no pause that falls between two of its wake-ups: up
+    /// to a period and what it puts up with, [`UNSEEN_NS`]. Who loses two slots or more at a time
+    /// was busy for at least a period and a half, which is longer, unless the period is very short.
     fn beyond_doubt(self, period_ns: u64) -> Self {
         let is_long = self.slots.events >= 2 * self.lapses && period_ns >= 3 * UNSEEN_NS;
         match is_long {
@@ -265,8 +265,8 @@ impl Account {
     }
 }
 
-/// How late an ECU may wake and still send in time, with the work of its median tick \[ns\]; at most
-/// half a period, after which the slot is passed over.
+/// How late an ECU may wake and still send in time, with the work of its median tick \[ns\]; at
+/// most half a period, after which the slot is passed over.
 fn slack_ns(ecu: &Report, period_ns: u64) -> u64 {
     let median_us =
         |phase: &str| ecu.phase_us.get(phase).map_or(0.0, |percentiles| percentiles.p50);

@@ -70,7 +70,7 @@ pub fn text(deadline: &Deadline) -> String {
 /// The same as Markdown.
 pub fn markdown(deadline: &Deadline) -> String {
     let mut page = String::from(
-        "| loop | rate | load | slots | lost | worst lateness | cause | sentinel worst | verdict |\n\
+        "| loop | rate | load | slots | lost | worst lateness | cause | sentinel | verdict |\n\
          |---|---|---|---|---|---|---|---|---|\n",
     );
     for outcome in &deadline.cells {
