@@ -299,6 +299,7 @@ step_rehearse() {
     [[ -x $venv/bin/python ]] || leave_out "run.mcap not read by Python: run the install step"
     python tests/interop/mcap_readers.py "$trace"
     python tests/interop/exported_run.py "$platoon" "$trace"
+    python tests/interop/played_run.py "$platoon" "$trace"
 }
 
 # Ends the step, with the names of its tests, when platoon vcan shell has no kernel to boot; fails

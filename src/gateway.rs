@@ -13,25 +13,22 @@ mod tests;
 use std::cell::Cell;
 use std::fmt;
 use std::io;
-use std::net::{SocketAddr, TcpListener};
 use std::rc::Rc;
-use std::thread::{self, JoinHandle};
 
 use platoon_dbc::Bus;
 use tokio::io::AsyncWriteExt;
-use tokio::sync::oneshot;
+use tokio::net::TcpListener;
 
 use crate::bus::BusAddress;
 use crate::cli::GatewayPlace;
 use crate::failure::Failure;
+use crate::service::Service;
 use client::{Client, End};
 
 /// Most clients at a time.
 const CLIENTS_MAX: u64 = 64;
 /// Room in the kernel for what a client has not read yet \[bytes\].
 const SEND_BUFFER_BYTES: usize = 128 << 10;
-/// How much less urgent than usual the gateway is: as little as there is.
-const NICENESS: i32 = 19;
 
 /// The buses clients may open.
 #[derive(Debug)]
@@ -129,12 +126,7 @@ impl fmt::Display for GatewayReport {
 }
 
 /// A gateway at work.
-#[derive(Debug)]
-pub struct Gateway {
-    address: SocketAddr,
-    stop: oneshot::Sender<()>,
-    thread: JoinHandle<io::Result<GatewayReport>>,
-}
+pub type Gateway = Service<GatewayReport>;
 
 impl Gateway {
     /// Opens the port and serves from now on.
@@ -153,64 +145,31 @@ impl Gateway {
             };
             Failure::cannot_start(format!("--socketcand {}: {error}; {remedy}", place.address))
         };
-        let listener = TcpListener::bind(place.address).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
-        let (stop, stopped) = oneshot::channel();
         let has_beacon = place.has_beacon;
-        let thread = thread::Builder::new()
-            .name("socketcand".into())
-            .spawn(move || run(listener, &Rc::new(buses), has_beacon, stopped))
-            .map_err(failed)?;
-        Ok(Self { address, stop, thread })
-    }
-
-    /// Where it listens.
-    pub const fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// Ends all connections.
-    pub fn finish(self) -> Option<GatewayReport> {
-        // Nobody listening means that it has ended by itself.
-        let _ = self.stop.send(());
-        self.thread.join().ok()?.ok()
-    }
-}
-
-/// The gateway's thread.
-fn run(
-    listener: TcpListener,
-    buses: &Rc<Buses>,
-    has_beacon: bool,
-    stopped: oneshot::Receiver<()>,
-) -> io::Result<GatewayReport> {
-    // Where that is refused, it runs like any other thread.
-    let _ = rustix::process::nice(NICENESS);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let counts = Rc::new(Counts::default());
-    let tasks = tokio::task::LocalSet::new();
-    tasks.block_on(&runtime, async {
-        let address = listener.local_addr()?;
-        let names = buses.names();
-        let beacon = async {
-            if has_beacon {
-                beacon::send(address, &names).await;
+        let prepare = move || (Rc::new(buses), Rc::new(Counts::default()));
+        let serve = async move |listener: TcpListener, (buses, counts): &State| {
+            let (address, names) = (listener.local_addr()?, buses.names());
+            let beacon = async {
+                if has_beacon {
+                    beacon::send(address, &names).await;
+                }
+                std::future::pending::<io::Result<()>>().await
+            };
+            tokio::select! {
+                ended = accept(listener, buses, counts) => ended,
+                ended = beacon => ended,
             }
-            std::future::pending::<io::Result<()>>().await
         };
-        tokio::select! {
-            ended = accept(listener, buses, &counts) => ended,
-            ended = beacon => ended,
-            _ = stopped => Ok(()),
-        }
-    })?;
-    Ok(counts.report())
+        Self::listen("socketcand", place.address, prepare, serve, |(_, counts)| counts.report())
+            .map_err(failed)
+    }
 }
+
+/// What the clients of a gateway share.
+type State = (Rc<Buses>, Rc<Counts>);
 
 /// Serves whoever comes.
 async fn accept(listener: TcpListener, buses: &Rc<Buses>, counts: &Rc<Counts>) -> io::Result<()> {
-    let listener = tokio::net::TcpListener::from_std(listener)?;
     loop {
         let Ok((mut stream, _)) = listener.accept().await else {
             // Out of descriptors, or the client is gone already: try again a little later.

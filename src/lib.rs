@@ -45,6 +45,7 @@ mod report;
 mod run_folder;
 mod scenarios;
 mod scenery;
+mod service;
 mod stall;
 mod step_cost;
 pub mod summary;

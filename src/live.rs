@@ -11,25 +11,23 @@ mod words;
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener};
+use std::net::Ipv4Addr;
 use std::rc::Rc;
-use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use std::{fmt, io};
 
-use tokio::sync::oneshot;
+use tokio::net::TcpListener;
 use tokio_tungstenite::tungstenite::Message as Parcel;
 use traces::Offer;
 
 use crate::failure::Failure;
+use crate::service::Service;
 use guest::Guest;
 
 pub use feed::Feed;
 
 /// Port that Foxglove and Lichtblick look at by default.
 pub const PORT_DEFAULT: &str = "8765";
-/// Least urgent of all threads.
-const NICENESS: i32 = 19;
 /// Time between two looks at the files: recorders close a chunk every 100 ms.
 const PERIOD: Duration = Duration::from_millis(50);
 /// Most guests at a time.
@@ -106,12 +104,7 @@ impl Hall {
 }
 
 /// A live view being served.
-#[derive(Debug)]
-pub struct Live {
-    address: SocketAddr,
-    stop: oneshot::Sender<()>,
-    thread: JoinHandle<io::Result<LiveReport>>,
-}
+pub type Live = Service<LiveReport>;
 
 impl Live {
     /// Opens the port on loopback and serves from now on.
@@ -119,59 +112,24 @@ impl Live {
     /// # Errors
     /// When the port cannot be had.
     pub fn start(port: u16, title: String, feed: Feed) -> Result<Self, Failure> {
-        let failed = |error: io::Error| {
+        let prepare = move || Rc::new(Hall { title, ..Hall::default() });
+        let serve = async move |listener: TcpListener, hall: &Rc<Hall>| {
+            tokio::select! {
+                ended = accept(listener, hall) => ended,
+                () = pass_on(feed, hall) => Ok(()),
+            }
+        };
+        let address = (Ipv4Addr::LOCALHOST, port).into();
+        Self::listen("live", address, prepare, serve, |hall| hall.report()).map_err(|error| {
             Failure::cannot_start(format!(
                 "--live={port}: {error}; choose another port, or 0 for any that is free"
             ))
-        };
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port)).map_err(failed)?;
-        listener.set_nonblocking(true).map_err(failed)?;
-        let address = listener.local_addr().map_err(failed)?;
-        let (stop, stopped) = oneshot::channel();
-        let thread = thread::Builder::new()
-            .name("live".into())
-            .spawn(move || run(listener, title, feed, stopped))
-            .map_err(failed)?;
-        Ok(Self { address, stop, thread })
+        })
     }
-
-    /// Where it listens.
-    pub const fn address(&self) -> SocketAddr {
-        self.address
-    }
-
-    /// Ends all connections.
-    pub fn finish(self) -> Option<LiveReport> {
-        // Nobody listening means that it has ended by itself.
-        let _ = self.stop.send(());
-        self.thread.join().ok()?.ok()
-    }
-}
-
-/// The thread of the live view.
-fn run(
-    listener: TcpListener,
-    title: String,
-    feed: Feed,
-    stopped: oneshot::Receiver<()>,
-) -> io::Result<LiveReport> {
-    // Where that is refused, it runs like any other thread.
-    let _ = rustix::process::nice(NICENESS);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-    let hall = Rc::new(Hall { title, ..Hall::default() });
-    tokio::task::LocalSet::new().block_on(&runtime, async {
-        tokio::select! {
-            ended = accept(listener, &hall) => ended,
-            () = pass_on(feed, &hall) => Ok(()),
-            _ = stopped => Ok(()),
-        }
-    })?;
-    Ok(hall.report())
 }
 
 /// Lets guests in.
 async fn accept(listener: TcpListener, hall: &Rc<Hall>) -> io::Result<()> {
-    let listener = tokio::net::TcpListener::from_std(listener)?;
     loop {
         let Ok((stream, _)) = listener.accept().await else {
             // Out of descriptors, or the guest is gone already: try again a little later.

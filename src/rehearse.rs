@@ -320,6 +320,12 @@ impl<'a> Plan<'a> {
             environment: describe_environment(),
         });
         summary.files = files;
+        let trace = summary.files.mcap.is_some().then(|| folder.trace());
+        if let Err(why) = report::conclude(&folder.report(), trace.as_deref(), &summary) {
+            // The run is over, and what came of it does not depend on a page.
+            summary.files.report = None;
+            summary.notes.push(format!("no report: {why}"));
+        }
         self.publish(folder, &summary)?;
         if self.args.timing.strict_timing {
             return summary.timing_verdict.strictly(summary.verdict);
@@ -355,8 +361,6 @@ impl<'a> Plan<'a> {
     fn publish(&self, folder: &RunFolder, summary: &Summary) -> Result<(), Failure> {
         anstream::println!("{}", summary.page());
         process::write_json(&folder.summary(), summary)?;
-        let trace = summary.files.mcap.is_some().then(|| folder.trace());
-        report::conclude(&folder.report(), trace.as_deref(), summary)?;
         match &self.args.json {
             Some(path) => process::write_json(path, summary),
             None => Ok(()),

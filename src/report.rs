@@ -64,6 +64,8 @@ fn recorded(trace: &Path) -> Result<Story, Failure> {
 fn write(output: &Path, stories: &[Story]) -> Result<(), Failure> {
     let page = page::html(stories).map_err(Failure::cannot_start)?;
     fs::write(output, page).map_err(|error| {
+        // Half a page is none; what cannot be removed says so itself when it is opened.
+        let _ = fs::remove_file(output);
         Failure::cannot_start(format!("cannot write {}: {error}", output.display()))
     })
 }

@@ -95,25 +95,16 @@ fn lane_line(state: &State, truth: &TruthRecord, lane: usize, columns: usize) ->
 }
 
 fn truck_table(state: &State) -> Table<'static> {
-    let header = [
-        "truck",
-        "m/s",
-        "error m",
-        "leader m",
-        "y m",
-        "force kN",
-        "steer mrad",
-        "clear m",
-        "Q_ref",
-        "potential",
-    ];
+    // Ten columns are to fit a terminal of 80.
+    let header =
+        ["truck", "m/s", "err m", "lead m", "y m", "kN", "mrad", "clear m", "Q_ref", "APF"];
     let trucks = state.truth.iter().flat_map(|truth| truth.trucks.iter().enumerate());
     let rows = trucks.map(|(index, truck)| {
         let tick = state.ecus.get(index).and_then(|ecu| ecu.tick);
         let of_law = |value: Option<f32>| value.map_or("-".into(), |value| format!("{value:.1}"));
         let name = if index == 0 { "leader".into() } else { index.to_string() };
         let clear_m = truck.obstacle_clearance_m;
-        Row::new([
+        row([
             name,
             format!("{:.2}", truck.forward_mps),
             format!("{:+.2}", truck.predecessor_error_m),
@@ -132,7 +123,7 @@ fn truck_table(state: &State) -> Table<'static> {
 
 fn ecu_table(state: &State) -> Table<'static> {
     let header =
-        ["ECU", "ticks", "p50 µs", "p99 µs", "max µs", "late", "passed", "last cause", "QP", ""];
+        ["ECU", "ticks", "p50 µs", "p99 µs", "max µs", "QP", "passed", "late", "", "cause"];
     let rows = state.ecus.iter().enumerate().map(|(index, ecu)| ecu_row(state, index, ecu));
     table(header, rows.collect(), "ECUs, latencies of the last second")
 }
@@ -149,13 +140,22 @@ fn ecu_row(state: &State, index: usize, ecu: &Ecu) -> Row<'static> {
         p50,
         p99,
         max,
-        ecu.late.to_string(),
-        ecu.skipped.to_string(),
-        ecu.cause.map_or("-".into(), |cause| format!("{cause:?}")),
         ecu.tick.map_or("-".into(), |tick| tick.qp_iterations.to_string()),
+        ecu.skipped.to_string(),
+        ecu.late.to_string(),
         if is_late { "LATE".into() } else { String::new() },
+        ecu.cause.map_or("-".into(), |cause| cause.word().into()),
     ];
-    Row::new(cells).fg(if is_late { Color::Red } else { ink(index) })
+    row(cells).fg(if is_late { Color::Red } else { ink(index) })
+}
+
+/// A name, and numbers below each other.
+fn row(cells: [impl Into<String>; 10]) -> Row<'static> {
+    let cells = cells.into_iter().map(Into::<String>::into).enumerate();
+    Row::new(cells.map(|(column, text)| match column {
+        0 => Line::from(text),
+        _ => Line::from(text).right_aligned(),
+    }))
 }
 
 fn table(
@@ -163,7 +163,7 @@ fn table(
     rows: Vec<Row<'static>>,
     title: &'static str,
 ) -> Table<'static> {
-    Table::new(rows, [Constraint::Fill(1); 10]).header(Row::new(header).dim()).block(titled(title))
+    Table::new(rows, [Constraint::Fill(1); 10]).header(row(header).dim()).block(titled(title))
 }
 
 #[cfg(test)]
@@ -175,7 +175,7 @@ mod tests {
     use traces::{ObstacleTruth, TruckTruth};
 
     fn drawn(state: &State) -> String {
-        let mut terminal = Terminal::new(TestBackend::new(100, 24)).expect("a screen");
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a screen");
         terminal.draw(|frame| draw(frame, state)).expect("draws");
         terminal.backend().to_string()
     }
@@ -203,6 +203,9 @@ mod tests {
         state.truth = Some(Box::new(truth));
         let screen = drawn(&state);
         assert!(screen.contains("12.3 of 60 s") && screen.contains("18.25"), "{screen}");
+        for word in ["lead m", "mrad", "clear m", "APF", "max µs", "passed", "cause", "q or"] {
+            assert!(screen.contains(word), "{word} is cut\n{screen}");
+        }
         let line_of = |sign: char| {
             let is_road = |line: &&str| line.contains('·') && line.contains(sign);
             screen.lines().position(|line| is_road(&line))

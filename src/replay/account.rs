@@ -78,6 +78,8 @@ pub struct Account {
     pub snapshots_refused: u64,
     /// Frames it consumed that were not on its bus; none told when the bus's recording has gaps.
     pub strays: Option<Strays>,
+    /// Commands on its bus that it does not send when recomputed; none told when it has gaps.
+    pub foreign_commands: Option<Strays>,
     /// What the other solver made of its QPs.
     pub audit: Option<Audit>,
 }
@@ -92,6 +94,7 @@ impl Account {
     fn is_same(&self) -> bool {
         self.differing == 0
             && self.strays.is_none()
+            && self.foreign_commands.is_none()
             && self.audit.as_ref().is_none_or(Audit::is_passed)
     }
 }
@@ -167,6 +170,13 @@ fn show(ecu: &Account, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
             "  {frames} frames consumed were not on the bus, the first at tick {first_tick}: \
+             {first}"
+        )?;
+    }
+    if let Some(Strays { frames, first_tick, first }) = &ecu.foreign_commands {
+        writeln!(
+            f,
+            "  {frames} commands on its bus are not what it sends, the first at tick {first_tick}: \
              {first}"
         )?;
     }

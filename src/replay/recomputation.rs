@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 use bench_sim::Scenario;
 use controller_rt::{Config, Controller, LawController, Replica};
 use law::{Calibration, Law};
-use platoon_dbc::Profile;
-use traces::{GuardReason, Record, TickOutcome, TickRecord, Topic};
+use platoon_dbc::{Profile, message_info};
+use traces::{FrameRecord, GuardReason, Record, TickOutcome, TickRecord, Topic};
 
 use super::account::{Account, Divergence, Hole};
 use super::audit::{Audit, Audited};
@@ -15,6 +15,11 @@ use super::wire::Wire;
 use crate::calibration;
 use crate::cli::SolverKind;
 use crate::trace::{Event, Gap, History, Moment, TickInputs, differences};
+
+/// The ECU's node in the DBCs.
+const ECU: &str = "Ecu";
+/// The messages by which it commands its truck.
+const COMMANDS: [&str; 4] = ["Actuation", "TSC1", "XBR", "SteerCommand"];
 
 /// What is to be recomputed.
 pub struct Question {
@@ -85,7 +90,10 @@ pub struct Recomputation<'a> {
     replica: Replica,
     audit: Arc<Mutex<Audit>>,
     history: Option<History>,
+    /// What it consumed, against what was on its bus.
     wire: Wire,
+    /// Commands on its bus, against what it sends when recomputed.
+    commands: Wire,
     account: Account,
     /// Whether the replica has lived through everything the ECU has.
     is_in_step: bool,
@@ -105,6 +113,7 @@ impl<'a> Recomputation<'a> {
             audit,
             history: Some(History::default()),
             wire: Wire::new(is_midway),
+            commands: Wire::new(is_midway),
             account: Account { truck, ..Account::default() },
             is_in_step: !is_midway,
             has_diverged: false,
@@ -116,11 +125,21 @@ impl<'a> Recomputation<'a> {
     /// Takes the next event of the file that is about this ECU or its bus.
     pub fn take(&mut self, event: Event) {
         match (&event.record, event.topic) {
-            (Record::Frame(frame), Topic::Frames(_)) => return self.wire.carried(frame),
+            (Record::Frame(frame), Topic::Frames(_)) => return self.on_bus(frame),
             (Record::Frame(frame), Topic::Rx(_)) => self.wire.consumed(frame),
             _ => {}
         }
         self.feed(|history, out| history.push(event, out));
+    }
+
+    /// A frame that the rig recorded on the ECU's bus.
+    fn on_bus(&mut self, record: &FrameRecord) {
+        let info = message_info(record.frame.id()).filter(|info| info.sender == ECU && !record.tx);
+        match info {
+            None => self.wire.carried(record.time_ns, record.frame),
+            Some(info) if COMMANDS.contains(&info.name) => self.commands.consumed(record),
+            Some(_) => {}
+        }
     }
 
     /// What was found; nothing when there was no tick.
@@ -133,6 +152,9 @@ impl<'a> Recomputation<'a> {
         self.account.holes.extend(self.hole.take());
         if !self.question.is_what_if() {
             self.account.strays = self.wire.strays();
+            // What an ECU sent while it cannot be recomputed is not known.
+            let is_whole = self.account.holes.is_empty() && self.account.differing == 0;
+            self.account.foreign_commands = self.commands.strays().filter(|_| is_whole);
         }
         if self.question.is_audited {
             self.account.audit = self.audit.lock().ok().map(|audit| *audit);
@@ -168,7 +190,12 @@ impl<'a> Recomputation<'a> {
         if let Ok(mut audit) = self.audit.lock() {
             audit.begin_tick(recorded.tick);
         }
-        let now = self.replica.tick(frames, recorded, &mut |_| ());
+        let commands = &mut self.commands;
+        let now = self.replica.tick(frames, recorded, &mut |frame| {
+            if message_info(frame.id()).is_some_and(|info| COMMANDS.contains(&info.name)) {
+                commands.carried(recorded.time_ns, *frame);
+            }
+        });
         if is_asked {
             self.compare(&now, recorded);
         }

@@ -1,35 +1,34 @@
-//! Whether what an ECU consumed was on its bus: two recordings, made by two processes.
+//! Whether frames of one recording are in another: what an ECU consumed was on its bus, and the
+//! commands on its bus are what the recomputed ECU sends.
 
 use std::collections::VecDeque;
 
-use platoon_dbc::{Frame, message_info};
+use platoon_dbc::Frame;
 use serde::Serialize;
 use traces::FrameRecord;
 
 /// Furthest the two recordings of a frame are apart in bench time \[ns\]: a machine can pause.
 pub const APART_MAX_NS: u64 = 3_000_000_000;
-/// The ECU's node in the DBC.
-const ECU: &str = "Ecu";
 
-/// Frames that were consumed without ever having been on the bus.
+/// Frames that were asked for without ever having been there.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Strays {
     /// How many.
     pub frames: u64,
-    /// Tick that consumed the first.
+    /// Tick of the first.
     pub first_tick: u32,
     /// The first: identifier and data, in hexadecimal.
     pub first: String,
 }
 
-/// Matches the frames an ECU consumed with those on its bus.
+/// Matches frames that were recorded at one place with those that were at another.
 #[derive(Debug, Default)]
 pub struct Wire {
-    /// Frames on the bus that were not consumed yet, with their bench time \[ns\].
+    /// Frames that were there and not asked for yet, with their bench time \[ns\].
     carried: VecDeque<(u64, Frame)>,
-    /// Frames consumed that are still looked for.
+    /// Frames that are still looked for.
     consumed: VecDeque<FrameRecord>,
-    /// The bus before this is not known \[ns\].
+    /// What was there before this is not known \[ns\].
     known_from_ns: Option<u64>,
     newest_ns: u64,
     is_midway: bool,
@@ -42,30 +41,27 @@ impl Wire {
         Self { is_midway, ..Self::default() }
     }
 
-    /// A frame that the rig recorded on the bus.
-    pub fn carried(&mut self, record: &FrameRecord) {
-        self.known_from_ns.get_or_insert(record.time_ns);
-        self.newest_ns = self.newest_ns.max(record.time_ns);
-        let is_of_ecu = || message_info(record.frame.id()).is_some_and(|info| info.sender == ECU);
-        if record.tx || !is_of_ecu() {
-            self.carried.push_back((record.time_ns, record.frame));
-        }
+    /// A frame that was there at this bench time \[ns\].
+    pub fn carried(&mut self, time_ns: u64, frame: Frame) {
+        self.known_from_ns.get_or_insert(time_ns);
+        self.newest_ns = self.newest_ns.max(time_ns);
+        self.carried.push_back((time_ns, frame));
         self.settle(self.newest_ns.saturating_sub(APART_MAX_NS));
     }
 
-    /// A frame that the ECU recorded as consumed.
+    /// A frame of which it is asked whether it was there.
     pub fn consumed(&mut self, record: &FrameRecord) {
         self.consumed.push_back(*record);
     }
 
-    /// The frames consumed that were not on the bus, once all has been seen; `None` when there are
-    /// none, or nobody recorded the bus.
+    /// The frames asked for that were not there, once all has been seen; `None` when there are none,
+    /// or nobody recorded what was there.
     pub fn strays(mut self) -> Option<Strays> {
         self.settle(u64::MAX);
         self.strays.filter(|_| self.known_from_ns.is_some())
     }
 
-    /// Decides on the frames consumed up to a bench time \[ns\].
+    /// Decides on the frames asked for up to a bench time \[ns\].
     fn settle(&mut self, until_ns: u64) {
         while self.consumed.front().is_some_and(|record| record.time_ns <= until_ns) {
             let Some(record) = self.consumed.pop_front() else { return };
@@ -121,7 +117,7 @@ mod tests {
         let mut wire = Wire::new(false);
         wire.consumed(&record(1, 1));
         for says in [0, 2, 1] {
-            wire.carried(&record(2, says));
+            wire.carried(2_000_000, record(2, says).frame);
         }
         wire.consumed(&record(2, 2));
         assert_eq!(wire.strays(), None);
@@ -131,7 +127,7 @@ mod tests {
     fn a_changed_frame_is_found_at_its_tick() {
         let mut wire = Wire::new(false);
         for time_ms in 1..10_000 {
-            wire.carried(&record(time_ms, time_ms));
+            wire.carried(time_ms * 1_000_000, record(time_ms, time_ms).frame);
             let flipped = if time_ms == 777 { 1 << 40 } else { 0 };
             wire.consumed(&record(time_ms, time_ms ^ flipped));
         }

@@ -12,6 +12,9 @@ j1939    cansniffer, which knows classic CAN only, canbusload (for canbusload_eq
          candump watch a rehearsal of that profile.
 hostile  cansend and canplayer put damaged, shortened and repeated commands and states, and frames
          of strangers, on the buses: rig and ECU refuse and count each, and no truck moves by them.
+play     platoon play puts the first seconds of the clean act on the same buses again: candump's log of
+         it has the frames of that act, in their order. How well the times between them were kept is
+         told, not judged.
 player   canplayer plays what the rig sent to truck 1 in the clean act to a lone ECU: it becomes
          ready, runs, ends, and finds nothing wrong.
 
@@ -280,6 +283,40 @@ def commands(frames):
     return {a["AnswersTick"]: (a["Force"], a["Steering"]) for a in answers}
 
 
+def gaps_wrong_us(again, first):
+    """By how much the time since the frame before on the same bus was another."""
+    def gaps(frames):
+        return [after.time_us - before.time_us for before, after in zip(frames, frames[1:])]
+
+    return [abs(ours - theirs) for ours, theirs in zip(gaps(again), gaps(first))]
+
+
+def act_play(platoon, folder, source):
+    told = folder / "play.json"
+    with candump(folder):
+        words = "--bus socketcan --until 5 --json".split()
+        run(platoon, "play", source / "run" / "run.mcap", *words, told)
+    played = json.loads(told.read_text())
+    require(played["refused"] == 0, f"the bus refused frames: {played}")
+    ours, theirs = collections.defaultdict(list), collections.defaultdict(list)
+    for frames, act in ((ours, folder), (theirs, source)):
+        for interface, frame in logged(act):
+            frames[interface].append(frame)
+    wrong_us = []
+    for name in TRUCKS:
+        first = theirs[name][: len(ours[name])]
+        same = [f._replace(time_us=0) for f in ours[name]] == [f._replace(time_us=0) for f in first]
+        require(ours[name] and same, f"{name}: other frames than in the clean act")
+        wrong_us += gaps_wrong_us(ours[name], first)
+    count = sum(map(len, ours.values()))
+    require(count == played["frames"], f"{count} frames in the log, {played['frames']} played")
+    p99_us = statistics.quantiles(wrong_us, n=100)[98]
+    print(
+        f"play: {count} frames on four buses as in the clean act; gaps wrong by p99 {p99_us:.0f} µs "
+        f"on the bus, {played['between_us']['p99']:.0f} µs at the player"
+    )
+
+
 def act_player(platoon, folder, source):
     """What the rig sent to truck 1 is what has its source address, 0x80."""
     folder.mkdir(parents=True)
@@ -320,6 +357,7 @@ def main(platoon, folder):
     platoon, folder = str(pathlib.Path(platoon).resolve()), pathlib.Path(folder).resolve()
     make_interfaces()
     act_clean(platoon, folder / "clean")
+    act_play(platoon, folder / "play", folder / "clean")
     act_hostile(platoon, folder / "hostile")
     act_player(platoon, folder / "player", folder / "clean")
     act_j1939(platoon, folder / "j1939")

@@ -10,6 +10,7 @@ mod determinism;
 mod diff;
 mod distributed_mpc;
 mod faults;
+mod full_disk;
 mod gain;
 mod gateway;
 mod hazards;

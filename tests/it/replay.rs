@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use platoon_dbc::{Frame, V2vState};
+use platoon_dbc::{Actuation, Frame, V2vState};
 use serde_json::Value;
 use traces::{
     FrameRecord, MergeOptions, Overflow, Reader, Record, Recorder, RecorderOptions, Source, Topic,
@@ -100,8 +100,9 @@ fn a_run_over_udp_comes_out_the_same() {
 fn one_flipped_bit_in_one_frame_is_found_at_its_tick() {
     let run = bench::rehearse_virtually("replay-flip", &["--rate-hz", "20", "--duration-s", "6"]);
     let mut is_done = false;
-    let forged = rewritten(&run, |record| {
-        let is_it = !is_done && record.tick >= 60 && record.frame.id() == V2vState::ID;
+    let forged = rewritten(&run, |topic, record| {
+        let is_asked = topic == Topic::Rx(1) && record.frame.id() == V2vState::ID;
+        let is_it = !is_done && record.tick >= 60 && is_asked;
         is_done |= is_it;
         if is_it { flipped(&record.frame) } else { record.frame }
     });
@@ -111,6 +112,25 @@ fn one_flipped_bit_in_one_frame_is_found_at_its_tick() {
     assert_eq!((&stray["frames"], &stray["first_tick"]), (&1.into(), &60.into()), "{}", end.stdout);
 }
 
+#[test]
+fn a_command_on_the_bus_that_the_ecu_would_not_send_is_found() {
+    let run = bench::rehearse_virtually("replay-bus", &["--rate-hz", "20", "--duration-s", "6"]);
+    let mut is_done = false;
+    let forged = rewritten(&run, |topic, record| {
+        let is_asked = topic == Topic::Frames(1) && record.frame.id() == Actuation::ID;
+        let is_it = !is_done && record.tick >= 60 && is_asked;
+        is_done |= is_it;
+        if is_it { flipped(&record.frame) } else { record.frame }
+    });
+    let (end, found) = replay("replay-foreign", &forged, &["--ecu", "1"]);
+    end.expect_code(1);
+    let ecu = &found["ecus"][0];
+    assert_eq!((&ecu["differing"], &ecu["strays"]), (&0.into(), &Value::Null));
+    let foreign = &ecu["foreign_commands"];
+    let expected = (&1.into(), &60.into());
+    assert_eq!((&foreign["frames"], &foreign["first_tick"]), expected, "{}", end.stdout);
+}
+
 /// The frame with its last bit the other way round.
 fn flipped(frame: &Frame) -> Frame {
     let mut data = frame.data().to_vec();
@@ -118,15 +138,15 @@ fn flipped(frame: &Frame) -> Frame {
     Frame::new(frame.id(), frame.flags(), &data).expect("as valid as before")
 }
 
-/// The run once more as its rig and ECU 1 recorded it, with `change` in what ECU 1 consumed.
-fn rewritten(run: &Run, mut change: impl FnMut(&FrameRecord) -> Frame) -> PathBuf {
+/// The run once more as its rig and ECU 1 recorded it, with `change` in the frames of truck 1.
+fn rewritten(run: &Run, mut change: impl FnMut(Topic, &FrameRecord) -> Frame) -> PathBuf {
     let (mut of_rig, mut of_ecu) = (BTreeMap::new(), BTreeMap::new());
     for message in run.trace() {
         let mut record = message.record().ok();
-        if let (Some(Topic::Rx(1)), Some(Record::Frame(frame))) =
+        if let (Some(topic @ (Topic::Rx(1) | Topic::Frames(1))), Some(Record::Frame(frame))) =
             (message.channel.kind, &mut record)
         {
-            frame.frame = change(frame);
+            frame.frame = change(topic, frame);
         }
         let part = match message.channel.kind {
             Some(Topic::Frames(1)) => &mut of_rig,
