@@ -3,6 +3,7 @@
 //! A [`Story`] is what the page tells, read from a trace; [`page`] puts it, packed, into the
 //! HTML, style and code of `page/`. All drawing happens where the page is opened.
 
+mod bus_load;
 mod envelope;
 mod latency;
 mod packing;

@@ -9,7 +9,9 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde::Serialize;
 use serde_json::{Value, json};
+use traces::TRUCKS_MAX;
 
+use super::bus_load::BUS_LOAD;
 use super::envelope::Envelopes;
 use super::latency::Bins;
 use super::story::{ECU, OBSTACLE, Story, WORLD};
@@ -105,6 +107,7 @@ fn head(story: &Story, numbers: &mut Numbers) -> Value {
         "obstacles": obstacles,
         "world": story.world.as_ref().map(|world| axis(world, world_curves(story, world, numbers))),
         "ecus": story.ecus.as_ref().map(|ecus| axis(ecus, ecu_curves(story, ecus, numbers))),
+        "buses": story.buses.as_ref().map(|buses| axis(buses, bus_curves(buses, numbers))),
         "phases": PHASES,
         "bins": Bins::ALL,
         "latencies": latencies,
@@ -142,6 +145,11 @@ fn ecu_curves(story: &Story, ecus: &Envelopes, numbers: &mut Numbers) -> Vec<Cur
         }
     }
     curves
+}
+
+fn bus_curves(buses: &Envelopes, numbers: &mut Numbers) -> Vec<Curve> {
+    let loads = (0..TRUCKS_MAX).map(|bus| (bus, buses.values(bus)));
+    loads.filter_map(|(bus, load)| numbers.add(&load, "truck", bus, BUS_LOAD)).collect()
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 use traces::{Record, TRUCKS_MAX, TickRecord, Topic, TruckTruth, TruthRecord};
 
+use super::bus_load::BusLoad;
 use super::envelope::Envelopes;
 use super::timing_events::TickTimes;
 use crate::failure::Failure;
@@ -93,6 +94,8 @@ pub struct Story {
     pub world: Option<Envelopes>,
     /// [`ECU`] of every truck; none without a tick.
     pub ecus: Option<Envelopes>,
+    /// [`BUS_LOAD`](super::bus_load::BUS_LOAD) of every bus; none without a trace.
+    pub buses: Option<Envelopes>,
     /// Timing of every tick.
     pub times: Vec<TickTimes>,
     /// What could not be read, in words.
@@ -112,15 +115,18 @@ impl Story {
             start_wall_ns: trace.start_wall_ns(),
             ..Self::default()
         };
-        let is_told = |topic| matches!(topic, Topic::Truth | Topic::Tick(_));
+        let mut load = BusLoad::new(trace.profile().timing());
+        let is_told = |topic| matches!(topic, Topic::Truth | Topic::Tick(_) | Topic::Frames(_));
         let mut events = trace.events(is_told, 0..u64::MAX)?;
         for event in &mut events {
             match event.record {
                 Record::Truth(truth) => story.add_truth(&truth),
                 Record::Tick(tick) => story.add_tick(&tick),
+                Record::Frame(record) => load.add(record.bus, record.time_ns, &record.frame),
                 _ => {}
             }
         }
+        story.buses = Some(load.into_curves());
         story.loss = events.damage().map(|damage| format!("The trace is damaged: {damage}."));
         Ok(story)
     }

@@ -17,7 +17,7 @@ from playwright.sync_api import sync_playwright
 PLOTS = [
     "predecessor_error_m", "leader_error_m", "speed_mps", "y_m", "force_command_n",
     "steering_command_rad", "adaptive_weight", "potential", "predecessor_delay_s",
-    "leader_delay_s", "obstacle_clearance_m", "accel_mps2",
+    "leader_delay_s", "obstacle_clearance_m", "accel_mps2", "bus_load_percent",
 ]
 SECTIONS = ["movement", "criteria", "signals", "trucks-table", "bus", "machine"]
 

@@ -24,6 +24,8 @@ const PLOTS = [
   { name: "accel_mps2", title: "Acceleration", unit: "m/s²", digits: 2, zero: true },
   { name: "total_us", title: "Time from due to sent", unit: "µs", digits: 0, log: true,
     real: true },
+  { name: "bus_load_percent", title: "Bus load, in windows of 100 ms", unit: "%", digits: 1,
+    least: 0 },
   { name: "qp_iterations", title: "Iterations of the QP", unit: "", digits: 0, least: 0 },
 ];
 

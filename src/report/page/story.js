@@ -50,7 +50,7 @@ class Story {
     this.run = run;
     this.summary = told.summary ?? {};
     this.curves = new Map();
-    for (const axis of [told.world, told.ecus]) {
+    for (const axis of [told.world, told.ecus, told.buses]) {
       for (const curve of axis?.curves ?? []) {
         const key = `${curve.of} ${curve.index} ${curve.name}`;
         this.curves.set(key, new Curve(curve, axis, numbers));
