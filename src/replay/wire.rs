@@ -54,8 +54,8 @@ impl Wire {
         self.consumed.push_back(*record);
     }
 
-    /// The frames asked for that were not there, once all has been seen; `None` when there are none,
-    /// or nobody recorded what was there.
+    /// The frames asked for that were not there, once all has been seen; `None` when there are
+    /// none, or nobody recorded what was there.
     pub fn strays(mut self) -> Option<Strays> {
         self.settle(u64::MAX);
         self.strays.filter(|_| self.known_from_ns.is_some())

@@ -2,8 +2,8 @@
 //!
 //! The message has the fields of ros2_socketcan's `FdFrame`, then those it lacks. `header.stamp`
 //! is the kernel's receive stamp when there is one, else the message's log time, and
-//! `header.frame_id` names the bus. It is the one place of that stamp: its nanoseconds are noise that
-//! does not compress, and a second copy as the message's publish time would cost 3 MB a run.
+//! `header.frame_id` names the bus. It is the one place of that stamp: its nanoseconds are noise
+//! that does not compress, and a second copy as the message's publish time would cost 3 MB a run.
 
 use platoon_dbc::{Frame, FrameFlags};
 
