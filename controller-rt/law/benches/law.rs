@@ -3,8 +3,7 @@
 //! Every part is called over a whole recorded course again and again; the table has nanoseconds a
 //! call. The machine is rarely quiet: minima and ratios mean more than means. For figures that do
 //! not depend on it, `benches/instructions.sh` counts instructions: this program with `--count PART
-//! TIMES` calls one part so often and no other. With `--serve` it answers the number of a recorded
-//! QP on a line with nanoseconds and solution, for `benches/peers.sh`.
+//! TIMES` calls one part so often and no other.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -53,9 +52,6 @@ const PARTS: [Part; 9] = [
 fn main() {
     let inputs = Inputs::new();
     let words: Vec<String> = std::env::args().collect();
-    if words.iter().any(|word| word == "--serve") {
-        return serve(&inputs.recorded);
-    }
     if let Some(at) = words.iter().position(|word| word == "--count") {
         let times = words.get(at + 2).and_then(|n| n.parse().ok()).expect("--count PART TIMES");
         let part = PARTS.iter().find(|(name, _)| *name == words[at + 1]).expect("a part's name");
@@ -69,18 +65,6 @@ fn main() {
         let mut times = Vec::new();
         (0..ROUNDS).for_each(|_| part(&inputs, &mut times));
         table::row(name, &mut times);
-    }
-}
-
-/// Solves the QPs whose numbers come in, cold.
-fn serve(recorded: &[Recorded]) {
-    for line in std::io::stdin().lines() {
-        let number: usize = line.expect("text").trim().parse().expect("the number of a QP");
-        let began = Instant::now();
-        let solution = ActiveSet.solve(black_box(&recorded[number].qp), &mut WorkingSet::default());
-        let ns = began.elapsed().as_nanos();
-        let z: String = solution.z.iter().map(|x| format!(" {x:?}")).collect();
-        println!("{ns}{z}");
     }
 }
 

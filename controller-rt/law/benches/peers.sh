@@ -12,7 +12,7 @@ if ! cmp --silent peers/requirements.txt "$venv/made-from"; then
     "$venv/bin/pip" install --quiet --requirement peers/requirements.txt
     cp peers/requirements.txt "$venv/made-from"
 fi
-program=$(cargo bench --locked --package law --bench law --no-run --message-format=json |
-    sed -n 's/.*"kind":\["bench"\].*"executable":"\([^"]*\)".*/\1/p')
-OMP_NUM_THREADS=1 "$venv/bin/python" peers/peers.py "$program" \
+library=$(cargo build --release --locked --package law --example peers --message-format=json |
+    sed -n 's/.*"kind":\["example"\].*"filenames":\["\([^"]*\)".*/\1/p')
+OMP_NUM_THREADS=1 "$venv/bin/python" peers/peers.py "$library" \
     ../tests/data/obstacle_avoidance.qps "${1:-5}"

@@ -10,6 +10,7 @@
 //! as the inputs' bounds and rate limits agree.
 
 mod active_set;
+mod excess;
 mod factors;
 mod kkt;
 mod row;
@@ -65,6 +66,7 @@ impl Qp {
     }
 
     /// The normal of constraint `i`: a unit vector for a bound, a row of A otherwise.
+    #[inline(always)]
     fn normal(&self, i: usize) -> Row {
         let mut normal = Row::ZERO;
         if i < VARIABLES {
@@ -77,11 +79,19 @@ impl Qp {
         normal
     }
 
+    #[inline(always)]
+    fn limit(&self, active: Active) -> f64 {
+        let side = if active.upper { &self.upper } else { &self.lower };
+        side[usize::from(active.constraint)]
+    }
+
+    #[inline(always)]
     fn gradient_row(&self) -> Row {
         Row::of(self.gradient.as_slice())
     }
 
     /// `H z + g`.
+    #[inline(always)]
     fn slope(&self, z: &Row) -> Row {
         let mut slope = self.gradient_row();
         // Symmetric: a column is a row.
@@ -89,33 +99,6 @@ impl Qp {
             slope.add_scaled(z, &Row::of(column));
         }
         slope
-    }
-
-    /// All constrained quantities at `z`: the variables, then A z.
-    fn values(&self, z: &Row) -> [f64; CONSTRAINTS] {
-        /// Rows worked on at once.
-        const AT_ONCE: usize = 16;
-        let mut values = [0.0; CONSTRAINTS];
-        values[..VARIABLES].copy_from_slice(&z.0[..VARIABLES]);
-        let rows = &mut values[VARIABLES..];
-        let columns = self.rows.as_slice();
-        let mut from = 0;
-        while from < ROWS {
-            // The last ones overlap with those before.
-            from = from.min(ROWS - AT_ONCE);
-            let mut sums = [0.0; AT_ONCE];
-            for (column, &z_j) in columns.chunks_exact(ROWS).zip(&z.0) {
-                // The slacks are zero nearly always.
-                if z_j != 0.0 {
-                    for (sum, a) in sums.iter_mut().zip(&column[from..from + AT_ONCE]) {
-                        *sum += a * z_j;
-                    }
-                }
-            }
-            rows[from..from + AT_ONCE].copy_from_slice(&sums);
-            from += AT_ONCE;
-        }
-        values
     }
 }
 
@@ -137,12 +120,20 @@ pub struct WorkingSet {
 impl WorkingSet {
     /// The natural guess without history: every slack at zero, no input limited.
     pub fn natural() -> Self {
-        let mut set = Self::default();
-        for (member, slack) in set.members.iter_mut().zip(INPUTS..VARIABLES) {
-            *member = Some(Active { constraint: slack as u8, upper: false });
-        }
-        set
+        Self::NATURAL
     }
+
+    /// [`bits`](Self::bits) of the natural guess.
+    const NATURAL_BITS: u128 = ((1 << SLACKS) - 1) << INPUTS;
+    const NATURAL: Self = {
+        let mut members = [None; VARIABLES];
+        let mut slack = 0;
+        while slack < SLACKS {
+            members[slack] = Some(Active { constraint: (INPUTS + slack) as u8, upper: false });
+            slack += 1;
+        }
+        Self { members }
+    };
 
     /// A set of the given members; those beyond the number of variables are left out.
     pub fn of(active: impl IntoIterator<Item = Active>) -> Self {
@@ -160,7 +151,13 @@ impl WorkingSet {
 
     /// Whether it is the natural guess, in whatever order.
     fn is_natural(&self) -> bool {
-        self.bits() == Self::natural().bits() && self.iter().all(|active| !active.upper)
+        self.bits() == Self::NATURAL_BITS && self.iter().all(|active| !active.upper)
+    }
+
+    /// Whether every slack's bound is in it.
+    fn has_slacks(&self) -> bool {
+        let natural = Self::natural();
+        natural.iter().all(|slack| self.iter().any(|active| active == slack))
     }
 
     /// The members, in order.
@@ -170,7 +167,11 @@ impl WorkingSet {
 
     /// One bit per active constraint.
     pub fn bits(&self) -> u128 {
-        self.iter().fold(0, |bits, active| bits | 1 << active.constraint)
+        let mut bits = 0;
+        for active in self.members.iter().flatten() {
+            bits |= 1 << active.constraint;
+        }
+        bits
     }
 }
 

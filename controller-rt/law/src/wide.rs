@@ -33,6 +33,26 @@ pub fn widest<W: Work>(work: W) -> W::Result {
     }
 }
 
+/// Square root, by the instruction that fits the registers in use.
+///
+/// `libm` writes the older form of the instruction; among work with wide registers that makes the
+/// processor put their upper halves aside, which takes longer than many a root.
+#[cfg(target_arch = "x86_64")]
+#[expect(unsafe_code, reason = "without the standard library there is no other way to ask for it")]
+#[inline(always)]
+pub fn sqrt(x: f64) -> f64 {
+    use core::arch::x86_64::{_mm_cvtsd_f64, _mm_set1_pd, _mm_sqrt_pd};
+    // SAFETY: every x86-64 has SSE2, and registers are all that is touched.
+    unsafe { _mm_cvtsd_f64(_mm_sqrt_pd(_mm_set1_pd(x))) }
+}
+
+/// Square root.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub fn sqrt(x: f64) -> f64 {
+    libm::sqrt(x)
+}
+
 /// Does the work with the registers every processor of this kind has.
 #[cfg(not(target_arch = "x86_64"))]
 pub fn widest<W: Work>(work: W) -> W::Result {

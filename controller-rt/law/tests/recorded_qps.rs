@@ -135,5 +135,5 @@ fn between_the_recorded_problems_iterations_stay_far_from_the_cap() {
     }
     println!("{cold_max} cold, {warm_max} warm");
     assert!(cold_max.max(warm_max) <= ITERATIONS_MAX / 2, "{cold_max} cold, {warm_max} warm");
-    assert!(cold_max > 5, "the blends are too easy to tell anything: {cold_max}");
+    assert!(cold_max > 3, "the blends are too easy to tell anything: {cold_max}");
 }

@@ -5,15 +5,15 @@ the wall clock around the call is taken and said so. All start cold. `interleave
 every solver in turn, so each finds the caches as the others left them. `alone`: each solver goes over
 all QPs by itself. Ratios are medians of the ratio to DAQP on the same QP in the same round.
 
-    peers.py LAW RECORDED [ROUNDS]
+    peers.py LIBRARY RECORDED [ROUNDS]
 
-LAW is the benchmark program of this crate, RECORDED the file of recorded QPs.
+LIBRARY is our solver as a shared library, RECORDED the file of recorded QPs.
 """
 
+import ctypes
 import os
 import statistics
 import struct
-import subprocess
 import sys
 import time
 
@@ -63,20 +63,25 @@ def recorded(path):
 
 
 class Ours:
-    """Our solver, in a process of its own that waits for the number of a QP."""
+    """Our solver, loaded into this process like its peers; it has the recorded QPs itself."""
 
-    name, clock = "platoon", "own"
+    name, clock, entry = "platoon", "own", "solve_cold"
 
-    def __init__(self, program, problems):
-        self.process = subprocess.Popen(
-            [program, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
+    def __init__(self, library, problems):
+        self.library = ctypes.CDLL(library)
+        self.library.variable.restype = ctypes.c_double
+        self.timed_solve = getattr(self.library, self.entry)
+        self.timed_solve.restype = ctypes.c_uint64
 
     def __call__(self, number):
-        self.process.stdin.write(f"{number}\n")
-        self.process.stdin.flush()
-        words = self.process.stdout.readline().split()
-        return 1e-9 * int(words[0]), np.array([float(word) for word in words[1:]])
+        seconds = 1e-9 * self.timed_solve(number)
+        return seconds, np.array([self.library.variable(i) for i in range(VARIABLES)])
+
+
+class OursWarm(Ours):
+    """The same, started with the working set of the QP recorded before."""
+
+    name, entry = "platoon, warm", "solve_warm"
 
 
 class Peer:
@@ -84,7 +89,7 @@ class Peer:
 
     clock = "own"
 
-    def __init__(self, _program, problems):
+    def __init__(self, _library, problems):
         self.problems = [self.prepared(*problem[:5]) for problem in problems]
 
     def prepared(self, h, g, a, lower, upper):
@@ -136,11 +141,11 @@ class Proxqp(Peer):
 class Qpoases(Peer):
     name, clock = "qpOASES (CasADi)", "CasADi's"
 
-    def __init__(self, program, problems):
+    def __init__(self, library, problems):
         sizes = {"h": casadi.Sparsity.dense(13, 13), "a": casadi.Sparsity.dense(ROWS, 13)}
         self.sizes = sizes
         self.options = {"printLevel": "none", "record_time": True}
-        super().__init__(program, problems)
+        super().__init__(library, problems)
 
     def prepared(self, h, g, a, lower, upper):
         n = VARIABLES
@@ -227,20 +232,27 @@ def run(solvers, order, exact):
     return times, errors
 
 
+def quantile(values, share):
+    ordered = sorted(values)
+    return ordered[int(share * (len(ordered) - 1))]
+
+
 def table(title, solvers, rounds, errors):
     """A row for each solver over all rounds."""
     print(f"\n{title}\n")
-    print("| solver | median µs | p99 µs | of DAQP | largest error | clock |")
-    print("|---|---|---|---|---|---|")
+    print("| solver | median µs | p99 µs | of DAQP: median (p10 to p90) | p99 | error | clock |")
+    print("|---|---|---|---|---|---|---|")
     everything = {s.name: [t for times in rounds for t in times[s.name]] for s in solvers}
+    daqp_s = everything["DAQP"]
     for solver in solvers:
-        own, daqp_s = everything[solver.name], everything["DAQP"]
-        ratio = statistics.median(a / b for a, b in zip(own, daqp_s))
-        ordered = sorted(own)
-        p99 = ordered[int(0.99 * (len(ordered) - 1))]
+        own = everything[solver.name]
+        ratios = [a / b for a, b in zip(own, daqp_s)]
+        low, middle, high = (quantile(ratios, share) for share in (0.1, 0.5, 0.9))
+        p99 = quantile(own, 0.99)
         print(
             f"| {solver.name} | {1e6 * statistics.median(own):.2f} | {1e6 * p99:.2f} "
-            f"| {ratio:.3f} | {errors[solver.name]:.0e} | {solver.clock} |"
+            f"| {middle:.3f} ({low:.3f} to {high:.3f}) | {p99 / quantile(daqp_s, 0.99):.3f} "
+            f"| {errors[solver.name]:.0e} | {solver.clock} |"
         )
 
 
@@ -257,20 +269,20 @@ def main():
     rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 5
     exact = [problem[5] for problem in problems]
     solvers = [kind(sys.argv[1], problems) for kind in KINDS]
+    # Never beside the cold one, which would find its problem and itself in the caches.
+    warm = OursWarm(sys.argv[1], problems)
     numbers = range(len(problems))
     hard = [n for n in numbers if (np.abs(exact[n][10:]) > 1e-9).any() or limited(problems[n])]
-    interleaved = [(solver, n) for n in numbers for solver in solvers]
-    alone = [(solver, n) for solver in solvers for n in numbers]
-    some = [(solver, n) for n in hard for solver in solvers]
-    print(f"{len(problems)} QPs, {rounds} rounds, cold")
-    for title, order in [
-        ("interleaved", interleaved),
-        ("alone", alone),
-        (f"interleaved, the {len(hard)} that need more than the slacks' bounds", some),
-    ]:
-        measured = [run(solvers, order, exact) for _ in range(rounds)]
-        errors = {s.name: max(e[s.name] for _, e in measured) for s in solvers}
-        table(title, solvers, [times for times, _ in measured], errors)
+    print(f"{len(problems)} QPs, {rounds} rounds, cold unless said otherwise")
+    for which, numbers in [("all", numbers), ("those beyond the slacks' bounds", hard)]:
+        for how, who, order in [
+            ("interleaved", solvers, [(s, n) for n in numbers for s in solvers]),
+            ("interleaved", [warm, *solvers[1:]], [(s, n) for n in numbers for s in [warm, *solvers[1:]]]),
+            ("alone", [warm, *solvers], [(s, n) for s in [warm, *solvers] for n in numbers]),
+        ]:
+            measured = [run(who, order, exact) for _ in range(rounds)]
+            errors = {s.name: max(e[s.name] for _, e in measured) for s in who}
+            table(f"{how}, {which} ({len(numbers)})", who, [times for times, _ in measured], errors)
 
 
 def limited(problem):

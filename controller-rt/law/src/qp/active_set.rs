@@ -13,13 +13,15 @@
 //! limited. Then one factorisation, one pair of substitutions and one look at all rows is all there
 //! is to do; the factors of the method proper are worked out when that look finds something.
 
-use super::factors::{Cholesky, Factors};
-use super::kkt::residual_at;
-use super::row::Row;
+use super::excess::Excess;
+use super::factors::{Direction, Elimination, Factors};
+use super::kkt::{larger, stationarity};
+use super::row::{LANES, Row};
 use super::{
     Active, CONSTRAINTS, INPUTS, Qp, QpSolver, SLACKS, Solution, SolveStatus, VARIABLES, WorkingSet,
 };
 use crate::decision::QpReport;
+use crate::wide::{self, Work};
 
 /// Most iterations of one solve. The recorded problems of the paper's hardest scenario need 13 at
 /// the most from a cold start; at this limit the caller falls back to its previous plan.
@@ -36,257 +38,307 @@ pub struct ActiveSet;
 
 impl QpSolver for ActiveSet {
     fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
-        let guess = if warm.is_empty() { WorkingSet::natural() } else { *warm };
-        let Some(cholesky) = Cholesky::of(qp) else {
+        wide::widest(Solve { qp, warm })
+    }
+}
+
+/// One solve.
+struct Solve<'a> {
+    qp: &'a Qp,
+    warm: &'a mut WorkingSet,
+}
+
+impl Work for Solve<'_> {
+    type Result = Solution;
+
+    #[inline(always)]
+    fn run(self) -> Solution {
+        let Self { qp, warm } = self;
+        let limits: [f64; SLACKS] = core::array::from_fn(|i| qp.lower[INPUTS + i]);
+        let are_slacks_held = limits.iter().all(|limit| limit.is_finite());
+        let slacks = if are_slacks_held { limits } else { [0.0; SLACKS] };
+        let mut elimination = Elimination::EMPTY;
+        if !elimination.fill(qp, &slacks) {
             return Solution {
                 status: SolveStatus::Infeasible,
                 z: Row::ZERO.into(),
                 report: QpReport { kkt_residual: f64::INFINITY, ..QpReport::default() },
             };
-        };
-        let slacks_held = qp.lower[INPUTS..VARIABLES].iter().all(|limit| limit.is_finite());
-        if slacks_held
-            && guess.is_natural()
-            && let Some(solution) = natural(qp, &cholesky)
-        {
-            *warm = WorkingSet::natural();
-            return solution;
         }
-        let mut search = Search::start(qp, &cholesky, slacks_held);
-        search.adopt(&guess);
-        let status = search.run();
-        search.refine();
+        let mut excess = Excess::EMPTY;
+        let mut natural = None;
+        let is_cold = warm.is_empty() || warm.is_natural();
+        if is_cold && are_slacks_held {
+            let z = elimination.minimise_inputs(&slacks);
+            let slope = qp.slope(&z);
+            excess.look(qp, &z);
+            // Written so that NaN is refused too.
+            if slope.0[INPUTS..VARIABLES].iter().all(|&multiplier| multiplier >= 0.0) {
+                if excess.is_within(VIOLATION_MIN) {
+                    *warm = WorkingSet::natural();
+                    return natural_solution(qp, &z, &slope, &excess);
+                }
+                natural = Some((z, slope));
+            }
+        }
+        let guess = if is_cold { WorkingSet::natural() } else { *warm };
+        let mut search = Search::start(qp, &elimination);
+        if are_slacks_held && guess.has_slacks() {
+            search.hold_slacks();
+        }
+        match &natural {
+            Some((z, slope)) => search.settle_at(z, slope),
+            None => search.adopt(&guess),
+        }
+        let solution = search.run(&mut excess, natural.is_some());
         *warm = search.working_set();
-        search.solution(status)
+        solution
     }
 }
 
-/// The solution with the natural working set; `None` when that is not optimal.
-fn natural(qp: &Qp, cholesky: &Cholesky) -> Option<Solution> {
-    let slacks: [f64; SLACKS] = core::array::from_fn(|i| qp.lower[INPUTS + i]);
-    let z = cholesky.minimise_inputs(qp, &slacks);
-    let slope = qp.slope(&z);
-    let held = core::array::from_fn::<_, SLACKS, _>(|i| (INPUTS + i, slope.0[INPUTS + i]));
-    // Written so that NaN is refused too.
-    if !held.iter().all(|&(_, multiplier)| multiplier >= 0.0) {
-        return None;
-    }
-    let values = qp.values(&z);
-    if is_any_violated(qp, &values) {
-        return None;
-    }
+/// The account of the natural working set's point, where the slacks' slopes are the multipliers of
+/// their bounds.
+#[inline(always)]
+fn natural_solution(qp: &Qp, z: &Row, slope: &Row, excess: &Excess) -> Solution {
+    let stationarity = stationarity(qp, slope, &slope.beyond(INPUTS));
     let report = QpReport {
-        working_set: WorkingSet::natural().bits(),
-        kkt_residual: residual_at(qp, &slope, &values, held.into_iter()),
+        working_set: WorkingSet::NATURAL_BITS,
+        // The slacks are at their bounds to the last bit.
+        kkt_residual: larger(excess.relative(qp), stationarity),
         ..QpReport::default()
     };
-    Some(Solution { status: SolveStatus::Solved, z: z.into(), report })
-}
-
-/// Whether a limit is exceeded by more than rounding, by its absolute size; NaN counts as exceeded.
-fn is_any_violated(qp: &Qp, values: &[f64; CONSTRAINTS]) -> bool {
-    let mut violated = false;
-    for ((value, lower), upper) in values.iter().zip(&qp.lower).zip(&qp.upper) {
-        // A comparison with NaN is false. Without a branch, many at once.
-        let holds = (lower - value <= VIOLATION_MIN) & (value - upper <= VIOLATION_MIN);
-        violated |= !holds;
-    }
-    violated
+    Solution { status: SolveStatus::Solved, z: (*z).into(), report }
 }
 
 /// One search: a point optimal for its working set, with the factors that make a step cheap.
 struct Search<'a> {
     qp: &'a Qp,
+    elimination: &'a Elimination,
     factors: Factors,
-    /// The working set; only the first `count` are meaningful.
+    /// The working set and its normals; only the first `count` are meaningful.
     members: [Active; VARIABLES],
+    normals: [Row; VARIABLES],
     count: usize,
     /// Multipliers of the working set, one more for the constraint being added.
     multipliers: Row,
     z: Row,
+    /// Squared lengths of normals by H^-1, zero for those not asked for yet.
+    lengths: [f64; CONSTRAINTS],
     iterations: u32,
     changes: u32,
 }
 
 impl<'a> Search<'a> {
-    /// Starts with every slack at its lower bound, or without any constraint.
-    fn start(qp: &'a Qp, cholesky: &Cholesky, slacks_held: bool) -> Self {
-        let mut members = [Active { constraint: 0, upper: false }; VARIABLES];
-        let (factors, count) = if slacks_held {
-            for (i, member) in members.iter_mut().enumerate().take(SLACKS) {
-                member.constraint = (VARIABLES - 1 - i) as u8;
-            }
-            (Factors::with_slacks_held(cholesky), SLACKS)
-        } else {
-            (Factors::free(cholesky), 0)
+    /// Starts without any constraint.
+    #[inline(always)]
+    fn start(qp: &'a Qp, elimination: &'a Elimination) -> Self {
+        let mut search = Self {
+            qp,
+            elimination,
+            factors: Factors::EMPTY,
+            members: [Active { constraint: 0, upper: false }; VARIABLES],
+            normals: [Row::ZERO; VARIABLES],
+            count: 0,
+            multipliers: Row::ZERO,
+            z: Row::ZERO,
+            lengths: [0.0; CONSTRAINTS],
+            iterations: 0,
+            changes: 0,
         };
-        let (multipliers, z) = (Row::ZERO, Row::ZERO);
-        Self { qp, factors, members, count, multipliers, z, iterations: 0, changes: 0 }
+        search.factors.start(elimination, &qp.gradient_row());
+        search
+    }
+
+    /// Holds every slack at its lower bound.
+    #[inline(always)]
+    fn hold_slacks(&mut self) {
+        self.factors.hold_slacks();
+        self.count = SLACKS;
+        for i in 0..SLACKS {
+            let slack = VARIABLES - 1 - i;
+            self.members[i].constraint = slack as u8;
+            self.normals[i].0[slack] = 1.0;
+        }
+    }
+
+    /// Takes over the natural working set's point, and its slope for the multipliers.
+    #[inline(always)]
+    fn settle_at(&mut self, z: &Row, slope: &Row) {
+        self.z = *z;
+        for i in 0..SLACKS {
+            self.multipliers.0[i] = slope.0[VARIABLES - 1 - i];
+        }
     }
 
     /// Takes over a guessed working set, without those members that depend on earlier ones, have
     /// no limit, or would have to pull the wrong way.
+    #[inline(always)]
     fn adopt(&mut self, guess: &WorkingSet) {
-        for at in (0..self.count).rev() {
-            if !guess.iter().any(|active| active == self.members[at]) {
-                self.drop_member(at);
-            }
-        }
         for active in guess.iter() {
             let is_held = self.members[..self.count].contains(&active);
             let is_sound = usize::from(active.constraint) < CONSTRAINTS;
-            if !is_held && is_sound && self.limit(active).is_finite() {
-                let d = self.factors.project(&self.normal(active));
-                if self.outside(&d) > INDEPENDENCE_MIN {
-                    self.push(active, &d);
+            if !is_held && is_sound && self.qp.limit(active).is_finite() {
+                let direction = self.factors.direction(&self.normal(active));
+                if direction.is_independent(INDEPENDENCE_MIN) {
+                    self.push(active, &direction);
                 }
             }
         }
-        self.settle();
-        while let Some(worst) = self.most_negative_multiplier() {
-            self.drop_member(worst);
+        loop {
             self.settle();
+            match self.most_negative_multiplier() {
+                Some(worst) => self.drop_member(worst),
+                None => break,
+            }
         }
         self.changes = 0;
     }
 
-    /// Adds violated constraints until there is none.
-    fn run(&mut self) -> SolveStatus {
-        while let Some((active, violation)) = self.most_violated() {
-            if !violation.is_finite() {
-                return SolveStatus::Infeasible;
+    /// Adds violated constraints until there is none. `excess` may be known for where it starts.
+    #[inline(always)]
+    fn run(&mut self, excess: &mut Excess, mut is_known: bool) -> Solution {
+        let mut status = SolveStatus::Solved;
+        loop {
+            if !is_known {
+                excess.look(self.qp, &self.z);
             }
-            if let Err(status) = self.satisfy(active) {
-                return status;
+            is_known = false;
+            if status == SolveStatus::Solved {
+                match self.most_violated(excess) {
+                    Ok(None) => {}
+                    Ok(Some(active)) => {
+                        status = self.satisfy(active);
+                        continue;
+                    }
+                    Err(ended) => status = ended,
+                }
             }
-        }
-        if self.z.0.iter().all(|x| x.is_finite()) {
-            SolveStatus::Solved
-        } else {
-            SolveStatus::Infeasible
+            return self.solution(status, excess);
         }
     }
 
     /// Steps until `active` holds, dropping members whose multipliers reach zero on the way
     /// [Goldfarb & Idnani, algorithm 1, step 2].
-    fn satisfy(&mut self, active: Active) -> Result<(), SolveStatus> {
+    #[inline(always)]
+    fn satisfy(&mut self, active: Active) -> SolveStatus {
         let normal = self.normal(active);
         self.multipliers.0[self.count] = 0.0;
         loop {
             self.iterations += 1;
             if self.iterations > ITERATIONS_MAX {
-                return Err(SolveStatus::IterationCap);
+                return SolveStatus::IterationCap;
             }
-            let d = self.factors.project(&normal);
-            let independent = self.outside(&d) > INDEPENDENCE_MIN;
-            let pull = self.factors.back_substitute(&d);
-
-            // Largest step that keeps every multiplier non-negative, and who stops it.
-            let blocking = (0..self.count)
-                .filter(|&i| pull.0[i] > 0.0)
-                .map(|i| (self.multipliers.0[i] / pull.0[i], i))
-                .fold(None, |best: Option<(f64, usize)>, x| match best {
-                    Some(b) if b.0 <= x.0 => Some(b),
-                    _ => Some(x),
-                });
+            let direction = self.factors.direction(&normal);
+            let pull = self.factors.pull(&direction);
+            let is_independent = direction.is_independent(INDEPENDENCE_MIN);
             // Step that makes the constraint hold with equality.
-            let full = match independent {
-                true => self.shortfall(active, &normal) / d.squares_from(self.count),
+            let full = match is_independent {
+                true => (self.bound(active) - normal.dot(&self.z)) / direction.gain(),
                 false => f64::INFINITY,
             };
-
-            let step = blocking.map_or(full, |(t, _)| full.min(t));
-            if !step.is_finite() {
-                return Err(SolveStatus::Infeasible);
+            // Largest step that keeps every multiplier non-negative, and who stops it.
+            let (mut step, mut blocking) = (full, None);
+            for i in 0..self.count {
+                let ratio = self.multipliers.0[i].max(0.0) / pull.0[i];
+                if pull.0[i] > 0.0 && ratio < step {
+                    (step, blocking) = (ratio, Some(i));
+                }
             }
-            if independent {
-                self.z.add_scaled(step, &self.factors.combine_free(&d));
+            if !step.is_finite() {
+                return SolveStatus::Infeasible;
+            }
+            let Some(blocking) = blocking else {
+                self.push(active, &direction);
+                self.settle();
+                return SolveStatus::Solved;
+            };
+            if is_independent {
+                self.z.add_scaled(step, &self.factors.step(&direction));
             }
             self.multipliers.add_scaled(-step, &pull);
             self.multipliers.0[self.count] += step;
-            match blocking {
-                Some((t, i)) if t < full => self.drop_member(i),
-                _ => {
-                    self.push(active, &d);
-                    return Ok(());
-                }
-            }
+            self.drop_member(blocking);
         }
     }
 
-    /// Computes point and multipliers afresh from the factors:
-    /// `z = J y`, `y1 = R'^-1 b`, `y2 = -J2' g`, `R m = y1 + J1' g`.
+    /// Computes point and multipliers afresh from the factors, so that no error adds up.
+    #[inline(always)]
     fn settle(&mut self) {
-        let gradient = self.factors.project(&self.qp.gradient_row());
-        let mut y = self.factors.forward_substitute(|i| self.bound(self.members[i]));
-        for k in self.count..VARIABLES {
-            y.0[k] = -gradient.0[k];
-        }
-        self.z = self.factors.combine(&y);
-        y.add_scaled(1.0, &gradient);
-        self.multipliers = self.factors.back_substitute(&y);
+        (self.z, self.multipliers) = self.factors.optimum(|i| self.bound(self.members[i]));
     }
 
-    /// One step of iterative refinement: the same solve for the residuals of point and multipliers.
-    fn refine(&mut self) {
-        let mut residual = self.qp.slope(&self.z);
-        for i in 0..self.count {
-            residual.add_scaled(-self.multipliers.0[i], &self.normal(self.members[i]));
-        }
-        let residual = self.factors.project(&residual);
-        let mut y = self.factors.forward_substitute(|i| {
-            let active = self.members[i];
-            self.shortfall(active, &self.normal(active))
-        });
-        for k in self.count..VARIABLES {
-            y.0[k] = -residual.0[k];
-        }
-        self.z.add_scaled(1.0, &self.factors.combine(&y));
-        y.add_scaled(1.0, &residual);
-        self.multipliers.add_scaled(1.0, &self.factors.back_substitute(&y));
-    }
-
-    /// The constraint violated most, relative to its limit, and by how much.
-    fn most_violated(&self) -> Option<(Active, f64)> {
-        let values = self.qp.values(&self.z);
-        if !is_any_violated(self.qp, &values) {
-            return None;
-        }
-        let mut worst = None;
-        let mut largest = VIOLATION_MIN;
-        for (i, &value) in values.iter().enumerate() {
-            for (violation, limit, upper) in [
-                (self.qp.lower[i] - value, self.qp.lower[i], false),
-                (value - self.qp.upper[i], self.qp.upper[i], true),
-            ] {
-                // Not `>`: a NaN anywhere must end the search, not pass as satisfied.
-                if violation <= largest {
-                    continue;
-                }
-                let relative = violation / (1.0 + limit.abs());
-                if relative <= largest {
-                    continue;
-                }
-                largest = relative;
-                worst = Some((Active { constraint: i as u8, upper }, relative));
-                if !relative.is_finite() {
-                    return worst;
-                }
+    /// The violated constraint that promises to raise the dual objective most, were no input
+    /// limited yet: by its squared violation over the squared length of its normal.
+    ///
+    /// The largest violation alone would pick the ends of the horizon, which every input moves,
+    /// where a limit in the middle holds them all.
+    #[inline(always)]
+    fn most_violated(&mut self, excess: &Excess) -> Result<Option<Active>, SolveStatus> {
+        let mut violated = [0; CONSTRAINTS];
+        let mut count = 0;
+        for (i, &by) in excess.of.iter().enumerate() {
+            if by <= VIOLATION_MIN {
+                continue;
+            }
+            // NaN gets here too.
+            if !by.is_finite() {
+                return Err(SolveStatus::Infeasible);
+            }
+            let limit = self.qp.limit(excess.nearer(self.qp, i));
+            if by > VIOLATION_MIN * (1.0 + limit.abs()) {
+                violated[count] = i as u8;
+                count += 1;
             }
         }
-        worst
+        let violated = &violated[..count];
+        self.measure(violated);
+        let (mut best, mut largest) = (None, 0.0);
+        for i in violated.iter().map(|&i| usize::from(i)) {
+            let by = excess.of[i];
+            // A bound of a slack has no length, and goes first.
+            let gain = by * by / self.lengths[i];
+            if gain > largest {
+                (best, largest) = (Some(excess.nearer(self.qp, i)), gain);
+            }
+        }
+        Ok(best)
     }
 
-    fn push(&mut self, active: Active, d: &Row) {
-        self.factors.push(d);
+    /// Has the lengths of these constraints' normals worked out, some at once.
+    #[inline(always)]
+    fn measure(&mut self, constraints: &[u8]) {
+        let mut waiting = [0; LANES];
+        let mut count = 0;
+        for (at, &constraint) in constraints.iter().enumerate() {
+            if self.lengths[usize::from(constraint)] == 0.0 {
+                waiting[count] = constraint;
+                count += 1;
+            }
+            if count == LANES || (count > 0 && at + 1 == constraints.len()) {
+                let normals = waiting.map(|constraint| self.qp.normal(constraint.into()));
+                let lengths = self.elimination.lengths(&normals);
+                for (&constraint, length) in waiting.iter().zip(lengths).take(count) {
+                    self.lengths[usize::from(constraint)] = length;
+                }
+                count = 0;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn push(&mut self, active: Active, direction: &Direction) {
+        self.factors.push(direction);
         self.members[self.count] = active;
+        self.normals[self.count] = self.normal(active);
         self.count += 1;
         self.changes += 1;
     }
 
+    #[inline(always)]
     fn drop_member(&mut self, at: usize) {
         self.factors.remove(at);
         self.members.copy_within(at + 1..self.count, at);
+        self.normals.copy_within(at + 1..self.count, at);
         // The multiplier of the constraint being added sits behind the working set's.
         self.multipliers.0.copy_within(at + 1..=self.count, at);
         self.multipliers.0[self.count] = 0.0;
@@ -294,49 +346,60 @@ impl<'a> Search<'a> {
         self.changes += 1;
     }
 
-    /// Relative length of a projected normal outside the working set's span.
-    fn outside(&self, d: &Row) -> f64 {
-        let (whole, rest) = (d.squares_from(0), d.squares_from(self.count));
-        if whole > 0.0 { libm::sqrt(rest / whole) } else { 0.0 }
-    }
-
+    #[inline(always)]
     fn most_negative_multiplier(&self) -> Option<usize> {
-        (0..self.count)
-            .filter(|&i| self.multipliers.0[i] < 0.0)
-            .min_by(|&a, &b| self.multipliers.0[a].total_cmp(&self.multipliers.0[b]))
+        let (mut worst, mut least) = (None, 0.0);
+        for (i, &multiplier) in self.multipliers.0.iter().enumerate().take(self.count) {
+            if multiplier < least {
+                (worst, least) = (Some(i), multiplier);
+            }
+        }
+        worst
     }
 
     /// The normal, turned so that the constraint reads `normal' z >= bound`.
+    #[inline(always)]
     fn normal(&self, active: Active) -> Row {
         let normal = self.qp.normal(active.constraint.into());
         if active.upper { normal.scaled(-1.0) } else { normal }
     }
 
-    fn limit(&self, active: Active) -> f64 {
-        let side = if active.upper { &self.qp.upper } else { &self.qp.lower };
-        side[usize::from(active.constraint)]
-    }
-
     /// The bound in `normal' z >= bound`.
+    #[inline(always)]
     fn bound(&self, active: Active) -> f64 {
-        if active.upper { -self.limit(active) } else { self.limit(active) }
+        let limit = self.qp.limit(active);
+        if active.upper { -limit } else { limit }
     }
 
-    /// How much a constraint with this normal is short of holding.
-    fn shortfall(&self, active: Active, normal: &Row) -> f64 {
-        self.bound(active) - normal.dot(&self.z)
+    /// How much a member is short of holding.
+    #[inline(always)]
+    fn shortfall(&self, at: usize) -> f64 {
+        self.bound(self.members[at]) - self.normals[at].dot(&self.z)
     }
 
+    /// The sum of the members' normals times their multipliers.
+    #[inline(always)]
+    fn pull(&self) -> Row {
+        let mut pull = Row::ZERO;
+        for (normal, &multiplier) in self.normals.iter().zip(&self.multipliers.0).take(self.count) {
+            pull.add_scaled(multiplier, normal);
+        }
+        pull
+    }
+
+    #[inline(always)]
     fn working_set(&self) -> WorkingSet {
         WorkingSet::of(self.members[..self.count].iter().copied())
     }
 
-    fn solution(&self, status: SolveStatus) -> Solution {
-        let multipliers = (0..self.count).map(|i| {
-            let sign = if self.members[i].upper { -1.0 } else { 1.0 };
-            (usize::from(self.members[i].constraint), sign * self.multipliers.0[i])
-        });
-        let (slope, values) = (self.qp.slope(&self.z), self.qp.values(&self.z));
+    #[inline(always)]
+    fn solution(&self, status: SolveStatus, excess: &Excess) -> Solution {
+        let mut residual = excess.relative(self.qp);
+        for i in 0..self.count {
+            let room = self.shortfall(i).abs();
+            residual = larger(residual, self.multipliers.0[i].abs().min(room));
+        }
+        let stationarity = stationarity(self.qp, &self.qp.slope(&self.z), &self.pull());
         Solution {
             status,
             z: self.z.into(),
@@ -344,7 +407,7 @@ impl<'a> Search<'a> {
                 iterations: self.iterations,
                 changes: self.changes,
                 working_set: self.working_set().bits(),
-                kkt_residual: residual_at(self.qp, &slope, &values, multipliers),
+                kkt_residual: larger(residual, stationarity),
             },
         }
     }

@@ -1,211 +1,314 @@
 //! The factors that make a step of the active-set method cheap.
 //!
 //! ```text
-//! H = U' U            U upper triangular
-//! J' H J = I          J = U^-1 Q, Q orthogonal
-//! J' N = [R; 0]       N: the working set's normals, R upper triangular
+//! H = L D L'                  L unit lower triangular, D diagonal
+//! x = D^1/2 L' z              in these coordinates H is the identity
+//! D^-1/2 L^-1 N = Q R         N: the working set's normals, Q'Q = I, R upper triangular
 //! ```
 //!
-//! [Goldfarb & Idnani, section 4]. A constraint enters by one reflection of J's free columns and
-//! leaves by rotations.
+//! Goldfarb & Idnani (section 4) keep a whole orthogonal basis. The motion layer's working sets
+//! are small, so that only what they span is kept: a constraint enters by orthogonalising its
+//! normal against them, twice, which is as good to the last digits [Giraud, Langou, Rozloznik & van
+//! den Eshof, Numerische Mathematik 101 (2005)], and leaves by rotations.
 
-use super::row::{Row, WIDTH};
+use core::ops::Range;
+
+use super::row::{LANES, Row, WIDTH};
 use super::{INPUTS, Qp, SLACKS, VARIABLES};
+use crate::wide;
 
-/// U of H = U' U, with the reciprocals of its diagonal.
+/// Where a row of the elimination has its entry of the right-hand side.
+const RIGHT: usize = VARIABLES;
+
+/// L' and the reciprocals of D, from eliminating H row by row.
 #[derive(Debug, Clone, Copy)]
-pub struct Cholesky {
-    /// Row by row; entries before the diagonal are not meaningful.
+pub struct Elimination {
+    /// Row k is row k of L'; entries before its diagonal are not meaningful. At [`RIGHT`] it has
+    /// D^-1 L^-1 times the slope in the inputs at `z = [0; slacks]`.
     rows: [Row; VARIABLES],
     inverse: [f64; VARIABLES],
 }
 
-impl Cholesky {
-    /// Factors the Hessian; `None` when it is not positive definite.
-    pub fn of(qp: &Qp) -> Option<Self> {
+impl Elimination {
+    /// Nothing eliminated yet. Here as below, what is large is filled in where it is.
+    pub const EMPTY: Self = Self { rows: [Row::ZERO; VARIABLES], inverse: [0.0; VARIABLES] };
+
+    /// Eliminates the Hessian; false when it is not positive definite.
+    #[inline(always)]
+    pub fn fill(&mut self, qp: &Qp, slacks: &[f64; SLACKS]) -> bool {
         // Symmetric: a column is a row.
         let columns = qp.hessian.as_slice();
-        let mut rows: [Row; VARIABLES] =
-            core::array::from_fn(|k| Row::of(&columns[k * VARIABLES..(k + 1) * VARIABLES]));
-        let mut inverse = [0.0; VARIABLES];
-        for k in 0..VARIABLES {
-            let pivot = rows[k].0[k];
+        for (k, row) in self.rows.iter_mut().enumerate() {
+            *row = Row::of(&columns[k * VARIABLES..(k + 1) * VARIABLES]);
+            row.0[RIGHT] = qp.gradient[k];
+            for (s, &slack) in slacks.iter().enumerate() {
+                row.0[RIGHT] += row.0[INPUTS + s] * slack;
+            }
+        }
+        // What is before the diagonal of the rows below is left alone, by whole registers.
+        self.eliminate::<0>(0..LANES - 1)
+            && self.eliminate::<LANES>(LANES - 1..2 * LANES - 1)
+            && self.eliminate::<{ 2 * LANES }>(2 * LANES - 1..3 * LANES - 1)
+            && self.eliminate::<{ 3 * LANES }>(3 * LANES - 1..VARIABLES)
+    }
+
+    /// Eliminates some variables from the rows below theirs, in columns `FROM` and beyond.
+    #[inline(always)]
+    fn eliminate<const FROM: usize>(&mut self, variables: Range<usize>) -> bool {
+        for k in variables {
+            let row = self.rows[k];
+            let pivot = row.0[k];
             // Written so that NaN is refused too.
             if !(pivot > 0.0 && pivot.is_finite()) {
-                return None;
+                return false;
             }
-            inverse[k] = 1.0 / libm::sqrt(pivot);
-            let row = rows[k].scaled(inverse[k]);
-            rows[k] = row;
-            for (j, below) in rows.iter_mut().enumerate().skip(k + 1) {
+            let inverse = 1.0 / pivot;
+            for j in k + 1..VARIABLES {
                 // The slacks are coupled to nothing in the motion layer's problems.
                 if row.0[j] != 0.0 {
-                    below.add_scaled(-row.0[j], &row);
+                    let factor = row.0[j] * inverse;
+                    for i in FROM..WIDTH {
+                        self.rows[j].0[i] -= factor * row.0[i];
+                    }
                 }
             }
+            self.rows[k] = row.scaled(inverse);
+            self.inverse[k] = inverse;
         }
-        Some(Self { rows, inverse })
+        true
     }
 
-    /// The minimiser of `z' H z / 2 + g' z` over the inputs, the slacks given.
-    pub fn minimise_inputs(&self, qp: &Qp, slacks: &[f64; SLACKS]) -> Row {
-        let mut right = Row::ZERO;
-        for (right, g) in right.0.iter_mut().zip(qp.gradient.iter().take(INPUTS)) {
-            *right = -g;
-        }
+    /// The minimiser of `z' H z / 2 + g' z` over the inputs, for the slacks it was made with.
+    #[inline(always)]
+    pub fn minimise_inputs(&self, slacks: &[f64; SLACKS]) -> Row {
         let mut z = Row::ZERO;
-        for (s, &slack) in slacks.iter().enumerate() {
-            z.0[INPUTS + s] = slack;
-            if slack != 0.0 {
-                for i in 0..INPUTS {
-                    right.0[i] -= qp.hessian[(i, INPUTS + s)] * slack;
-                }
-            }
-        }
         for k in 0..INPUTS {
-            right.0[k] *= self.inverse[k];
-            let value = right.0[k];
-            for (j, right) in right.0.iter_mut().enumerate().take(INPUTS).skip(k + 1) {
-                *right -= value * self.rows[k].0[j];
+            z.0[k] = -self.rows[k].0[RIGHT];
+        }
+        for k in (1..INPUTS).rev() {
+            for i in 0..k {
+                z.0[i] -= self.rows[i].0[k] * z.0[k];
             }
         }
-        let mut inputs = Row::ZERO;
-        for k in (0..INPUTS).rev() {
-            inputs.0[k] = (right.0[k] - self.rows[k].dot(&inputs)) * self.inverse[k];
-        }
-        inputs.add_scaled(1.0, &z);
-        inputs
+        z.0[INPUTS..VARIABLES].copy_from_slice(slacks);
+        z
     }
 
-    /// U^-1, column by column.
-    fn inverse_columns(&self) -> [Row; VARIABLES] {
-        let mut columns = [Row::ZERO; VARIABLES];
-        for k in 0..VARIABLES {
-            let mut column = Row::ZERO;
-            column.0[k] = 1.0;
-            for m in 0..k {
-                let entry = self.rows[m].0[k];
-                if entry != 0.0 {
-                    let before = columns[m];
-                    column.add_scaled(-entry, &before);
+    /// Squared lengths `n' H^-1 n` of some normals, of which only the inputs' part counts.
+    #[inline(always)]
+    pub fn lengths(&self, normals: &[Row; LANES]) -> [f64; LANES] {
+        let mut parts = [[0.0; LANES]; INPUTS];
+        for (k, part) in parts.iter_mut().enumerate() {
+            *part = core::array::from_fn(|lane| normals[lane].0[k]);
+        }
+        let mut lengths = [0.0; LANES];
+        for k in 0..INPUTS {
+            let part = parts[k];
+            for lane in 0..LANES {
+                lengths[lane] += self.inverse[k] * (part[lane] * part[lane]);
+            }
+            for j in k + 1..INPUTS {
+                for lane in 0..LANES {
+                    parts[j][lane] -= self.rows[k].0[j] * part[lane];
                 }
             }
-            columns[k] = column.scaled(self.inverse[k]);
         }
-        columns
+        lengths
     }
 }
 
-/// J and R for a working set of `count` constraints.
+/// Q and R for a working set of `count` constraints.
 #[derive(Debug, Clone, Copy)]
 pub struct Factors {
-    /// Columns of J.
-    j: [Row; VARIABLES],
+    /// L' beyond its diagonal, row by row.
+    upper: [Row; VARIABLES],
+    /// D^-1/2.
+    roots: Row,
+    /// Minimiser without any constraint, in x.
+    free_minimum: Row,
+    /// Columns of Q.
+    q: [Row; VARIABLES],
     /// Columns of R, zero below the diagonal and beyond `count`.
     r: [Row; VARIABLES],
+    /// Reciprocals of R's diagonal.
+    inverse: Row,
+    /// `Q' free_minimum`.
+    along: Row,
     count: usize,
 }
 
-impl Factors {
-    /// No constraint active.
-    pub fn free(cholesky: &Cholesky) -> Self {
-        Self { j: cholesky.inverse_columns(), r: [Row::ZERO; VARIABLES], count: 0 }
+/// A normal, seen from the working set.
+#[derive(Debug, Clone, Copy)]
+pub struct Direction {
+    /// Q' n.
+    held: Row,
+    /// What of it is orthogonal to Q, in x.
+    free: Row,
+    /// Its squared length, and that of the latter.
+    square: f64,
+    free_square: f64,
+}
+
+impl Direction {
+    /// How much a unit step along it changes the constrained quantity.
+    #[inline(always)]
+    pub fn gain(&self) -> f64 {
+        self.free_square
     }
 
-    /// The slacks' lower bounds active, last slack first.
-    ///
-    /// The slacks come last in H, so the columns of U^-1 to the inputs have nothing of them and
-    /// are free, and those to the slacks, last first, are J's others: nothing needs turning.
-    pub fn with_slacks_held(cholesky: &Cholesky) -> Self {
-        let columns = cholesky.inverse_columns();
-        let mut factors = Self { j: columns, r: [Row::ZERO; VARIABLES], count: SLACKS };
-        for i in 0..SLACKS {
-            factors.j[i] = columns[VARIABLES - 1 - i];
+    /// Whether the normal does not depend on the working set's, but for this share of its length.
+    #[inline(always)]
+    pub fn is_independent(&self, share: f64) -> bool {
+        self.free_square > share * share * self.square
+    }
+}
+
+impl Factors {
+    /// Nothing known yet.
+    pub const EMPTY: Self = Self {
+        upper: [Row::ZERO; VARIABLES],
+        roots: Row::ZERO,
+        free_minimum: Row::ZERO,
+        q: [Row::ZERO; VARIABLES],
+        r: [Row::ZERO; VARIABLES],
+        inverse: Row::ZERO,
+        along: Row::ZERO,
+        count: 0,
+    };
+
+    /// Starts without any constraint.
+    #[inline(always)]
+    pub fn start(&mut self, elimination: &Elimination, gradient: &Row) {
+        for k in 0..VARIABLES {
+            self.upper[k] = elimination.rows[k].beyond(k + 1);
+            self.upper[k].0[RIGHT] = 0.0;
+            self.roots.0[k] = wide::sqrt(elimination.inverse[k]);
         }
-        factors.j[SLACKS..].copy_from_slice(&columns[..INPUTS]);
+        self.free_minimum = self.transformed(&gradient.scaled(-1.0));
+    }
+
+    /// Holds the slacks' bounds, last slack first, when nothing is held yet.
+    ///
+    /// The slacks come last in H, so that the transformed normal of one has nothing before it: Q's
+    /// columns are unit vectors.
+    #[inline(always)]
+    pub fn hold_slacks(&mut self) {
         for member in 0..SLACKS {
-            for i in 0..=member {
-                factors.r[member].0[i] = factors.j[i].0[VARIABLES - 1 - member];
+            let slack = VARIABLES - 1 - member;
+            let mut normal = [0.0; VARIABLES];
+            normal[slack] = 1.0;
+            for k in slack..VARIABLES {
+                for j in k + 1..VARIABLES {
+                    normal[j] -= self.upper[k].0[j] * normal[k];
+                }
+                self.r[member].0[VARIABLES - 1 - k] = normal[k] * self.roots.0[k];
+            }
+            self.q[member].0[slack] = 1.0;
+            self.inverse.0[member] = 1.0 / self.r[member].0[member];
+            self.along.0[member] = self.free_minimum.0[slack];
+        }
+        self.count = SLACKS;
+    }
+
+    /// `D^-1/2 L^-1 n`.
+    #[inline(always)]
+    fn transformed(&self, normal: &Row) -> Row {
+        let mut rest = *normal;
+        for k in 0..VARIABLES - 1 {
+            rest.add_scaled(-rest.0[k], &self.upper[k]);
+        }
+        for i in 0..WIDTH {
+            rest.0[i] *= self.roots.0[i];
+        }
+        rest
+    }
+
+    /// The point of these coordinates x: `L'^-1 D^-1/2 x`.
+    #[inline(always)]
+    fn point(&self, x: &Row) -> Row {
+        let mut z = Row::ZERO;
+        for i in 0..WIDTH {
+            z.0[i] = x.0[i] * self.roots.0[i];
+        }
+        for k in (1..VARIABLES).rev() {
+            for i in 0..k {
+                z.0[i] -= self.upper[i].0[k] * z.0[k];
             }
         }
-        factors
-    }
-
-    /// `J' x`.
-    pub fn project(&self, x: &Row) -> Row {
-        let mut d = Row::ZERO;
-        for (d, column) in d.0.iter_mut().zip(&self.j) {
-            *d = column.dot(x);
-        }
-        d
-    }
-
-    /// `J y`.
-    pub fn combine(&self, y: &Row) -> Row {
-        let mut z = Row::ZERO;
-        for (column, &y) in self.j.iter().zip(&y.0) {
-            z.add_scaled(y, column);
-        }
         z
     }
 
-    /// J's free columns times the same entries of `y`.
-    pub fn combine_free(&self, y: &Row) -> Row {
-        let mut z = Row::ZERO;
-        for (column, &y) in self.j.iter().zip(&y.0).skip(self.count) {
-            z.add_scaled(y, column);
+    /// Looks at a normal.
+    #[inline(always)]
+    pub fn direction(&self, normal: &Row) -> Direction {
+        let transformed = self.transformed(normal);
+        let (mut held, mut free) = (Row::ZERO, transformed);
+        for _ in 0..2 {
+            let before = free;
+            for i in 0..self.count {
+                let part = self.q[i].dot(&before);
+                held.0[i] += part;
+                free.add_scaled(-part, &self.q[i]);
+            }
         }
-        z
+        let (square, free_square) = (transformed.dot(&transformed), free.dot(&free));
+        Direction { held, free, square, free_square }
     }
 
-    /// `R^-1` applied to the leading part of `d`; zero beyond the working set.
-    pub fn back_substitute(&self, d: &Row) -> Row {
-        let (mut rest, mut x) = (*d, Row::ZERO);
+    /// Where the point goes in a unit step along a direction that is independent.
+    #[inline(always)]
+    pub fn step(&self, direction: &Direction) -> Row {
+        self.point(&direction.free)
+    }
+
+    /// How the working set's multipliers fall in the same step.
+    #[inline(always)]
+    pub fn pull(&self, direction: &Direction) -> Row {
+        self.back_substitute(&direction.held)
+    }
+
+    /// The point that is optimal while the working set's constraints hold at their bounds, and
+    /// their multipliers.
+    #[inline(always)]
+    pub fn optimum(&self, bound: impl Fn(usize) -> f64) -> (Row, Row) {
+        let (mut x, mut y, mut lift) = (self.free_minimum, Row::ZERO, Row::ZERO);
+        for i in 0..self.count {
+            y.0[i] = (bound(i) - self.r[i].dot(&y)) * self.inverse.0[i];
+            lift.0[i] = y.0[i] - self.along.0[i];
+            x.add_scaled(lift.0[i], &self.q[i]);
+        }
+        (self.point(&x), self.back_substitute(&lift))
+    }
+
+    /// `R^-1` applied to the leading part of `right`; zero beyond the working set.
+    #[inline(always)]
+    fn back_substitute(&self, right: &Row) -> Row {
+        let (mut rest, mut x) = (*right, Row::ZERO);
         for i in (0..self.count).rev() {
-            x.0[i] = rest.0[i] / self.r[i].0[i];
+            x.0[i] = rest.0[i] * self.inverse.0[i];
             rest.add_scaled(-x.0[i], &self.r[i]);
         }
         x
     }
 
-    /// `R'^-1` applied to what `right` gives for each member; zero beyond the working set.
-    pub fn forward_substitute(&self, right: impl Fn(usize) -> f64) -> Row {
-        let mut y = Row::ZERO;
-        for i in 0..self.count {
-            y.0[i] = (right(i) - self.r[i].dot(&y)) / self.r[i].0[i];
-        }
-        y
-    }
-
-    /// Adds a constraint whose projected normal is `d`.
-    pub fn push(&mut self, d: &Row) {
+    /// Adds a constraint by its direction, which has to be independent.
+    #[inline(always)]
+    pub fn push(&mut self, direction: &Direction) {
         let at = self.count;
-        let (first, rest) = (d.0[at], d.squares_from(at + 1));
-        let mut pivot = first;
-        if rest > 0.0 {
-            // Reflect d's free part onto its first entry, away from it so that nothing cancels.
-            let length = libm::sqrt(first * first + rest);
-            pivot = if first > 0.0 { -length } else { length };
-            let mut mirror = *d;
-            mirror.0[..at].fill(0.0);
-            mirror.0[at] = first - pivot;
-            let along = self.combine_free(&mirror);
-            let scale = 1.0 / (length * (length + first.abs()));
-            for (column, &entry) in self.j.iter_mut().zip(&mirror.0).skip(at) {
-                column.add_scaled(-scale * entry, &along);
-            }
-        }
-        self.r[at] = Row::ZERO;
-        self.r[at].0[..at].copy_from_slice(&d.0[..at]);
-        self.r[at].0[at] = pivot;
+        let length = wide::sqrt(direction.free_square);
+        self.inverse.0[at] = 1.0 / length;
+        self.q[at] = direction.free.scaled(self.inverse.0[at]);
+        self.r[at] = direction.held;
+        self.r[at].0[at] = length;
+        self.along.0[at] = self.q[at].dot(&self.free_minimum);
         self.count += 1;
     }
 
     /// Removes member `at`, closing the gap in R with rotations.
+    #[inline(always)]
     pub fn remove(&mut self, at: usize) {
         let last = self.count - 1;
         self.r.copy_within(at + 1..self.count, at);
-        self.r[last] = Row::ZERO;
         self.count = last;
         for k in at..last {
             let (c, s) = rotation(self.r[k].0[k], self.r[k].0[k + 1]);
@@ -215,20 +318,25 @@ impl Factors {
                 column.0[k + 1] = c * b - s * a;
             }
             self.r[k].0[k + 1] = 0.0;
-            let (a, b) = (self.j[k], self.j[k + 1]);
+            self.inverse.0[k] = 1.0 / self.r[k].0[k];
+            let (a, b) = (self.q[k], self.q[k + 1]);
             for i in 0..WIDTH {
-                self.j[k].0[i] = c * a.0[i] + s * b.0[i];
-                self.j[k + 1].0[i] = c * b.0[i] - s * a.0[i];
+                self.q[k].0[i] = c * a.0[i] + s * b.0[i];
+                self.q[k + 1].0[i] = c * b.0[i] - s * a.0[i];
             }
+            let (a, b) = (self.along.0[k], self.along.0[k + 1]);
+            self.along.0[k] = c * a + s * b;
+            self.along.0[k + 1] = c * b - s * a;
         }
     }
 }
 
 /// Cosine and sine that turn (a, b) into (length, 0).
+#[inline(always)]
 fn rotation(a: f64, b: f64) -> (f64, f64) {
     if b == 0.0 {
         return (1.0, 0.0);
     }
-    let inverse = 1.0 / libm::sqrt(a * a + b * b);
+    let inverse = 1.0 / wide::sqrt(a * a + b * b);
     (a * inverse, b * inverse)
 }

@@ -1,13 +1,15 @@
-//! Vectors of the QP's size, filled up with a zero to whole vector registers.
+//! Vectors of the QP's size, filled up with zeros to whole vector registers.
 
 use super::VARIABLES;
 
-/// Length of a row: the next even number from the QP's variables on.
-pub const WIDTH: usize = VARIABLES.next_multiple_of(2);
+/// Numbers worked on at once: what the widest registers in use hold.
+pub const LANES: usize = 4;
+/// Length of a row: the next multiple of [`LANES`] from the QP's variables on.
+pub const WIDTH: usize = VARIABLES.next_multiple_of(LANES);
 
 /// A vector of the QP's size; what is beyond its variables is zero and stays so.
 #[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(align(16))]
+#[repr(align(32))]
 pub struct Row(pub [f64; WIDTH]);
 
 impl Row {
@@ -25,12 +27,13 @@ impl Row {
     /// Inner product, in a fixed order of additions.
     #[inline(always)]
     pub fn dot(&self, other: &Self) -> f64 {
-        let mut sums = [0.0; 2];
-        for (a, b) in self.0.chunks_exact(2).zip(other.0.chunks_exact(2)) {
-            sums[0] += a[0] * b[0];
-            sums[1] += a[1] * b[1];
+        let mut sums: [f64; LANES] = core::array::from_fn(|lane| self.0[lane] * other.0[lane]);
+        for from in (LANES..WIDTH).step_by(LANES) {
+            for lane in 0..LANES {
+                sums[lane] += self.0[from + lane] * other.0[from + lane];
+            }
         }
-        sums[0] + sums[1]
+        (sums[0] + sums[2]) + (sums[1] + sums[3])
     }
 
     /// Adds `scale` times another.
@@ -47,14 +50,32 @@ impl Row {
         Self(self.0.map(|x| scale * x))
     }
 
-    /// Sum of squares from entry `from` on.
+    /// The entries from `from` on, zero before.
     #[inline(always)]
-    pub fn squares_from(&self, from: usize) -> f64 {
-        self.0[from..].iter().map(|x| x * x).sum()
+    pub fn beyond(&self, from: usize) -> Self {
+        let mut rest = Self::ZERO;
+        for i in 0..WIDTH {
+            rest.0[i] = if i >= from { self.0[i] } else { 0.0 };
+        }
+        rest
+    }
+
+    /// Largest absolute entry; NaN is passed over.
+    #[inline(always)]
+    pub fn size(&self) -> f64 {
+        let mut sizes = [0.0; LANES];
+        for from in (0..WIDTH).step_by(LANES) {
+            for lane in 0..LANES {
+                let x = self.0[from + lane].abs();
+                sizes[lane] = if x > sizes[lane] { x } else { sizes[lane] };
+            }
+        }
+        sizes.into_iter().fold(0.0, f64::max)
     }
 }
 
 impl From<Row> for nalgebra::SVector<f64, VARIABLES> {
+    #[inline(always)]
     fn from(row: Row) -> Self {
         Self::from_column_slice(&row.0[..VARIABLES])
     }
