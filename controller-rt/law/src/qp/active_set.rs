@@ -82,7 +82,8 @@ impl Work for Solve<'_> {
             }
         }
         let guess = if is_cold { WorkingSet::natural() } else { *warm };
-        let mut search = Search::start(qp, &elimination);
+        let mut factors = Factors::EMPTY;
+        let mut search = Search::start(qp, &elimination, &mut factors);
         if are_slacks_held && guess.has_slacks() {
             search.hold_slacks();
         }
@@ -114,7 +115,7 @@ fn natural_solution(qp: &Qp, z: &Row, slope: &Row, excess: &Excess) -> Solution 
 struct Search<'a> {
     qp: &'a Qp,
     elimination: &'a Elimination,
-    factors: Factors,
+    factors: &'a mut Factors,
     /// The working set and its normals; only the first `count` are meaningful.
     members: [Active; VARIABLES],
     normals: [Row; VARIABLES],
@@ -131,11 +132,12 @@ struct Search<'a> {
 impl<'a> Search<'a> {
     /// Starts without any constraint.
     #[inline(always)]
-    fn start(qp: &'a Qp, elimination: &'a Elimination) -> Self {
-        let mut search = Self {
+    fn start(qp: &'a Qp, elimination: &'a Elimination, factors: &'a mut Factors) -> Self {
+        factors.start(elimination, &qp.gradient_row());
+        Self {
             qp,
             elimination,
-            factors: Factors::EMPTY,
+            factors,
             members: [Active { constraint: 0, upper: false }; VARIABLES],
             normals: [Row::ZERO; VARIABLES],
             count: 0,
@@ -144,9 +146,7 @@ impl<'a> Search<'a> {
             lengths: [0.0; CONSTRAINTS],
             iterations: 0,
             changes: 0,
-        };
-        search.factors.start(elimination, &qp.gradient_row());
-        search
+        }
     }
 
     /// Holds every slack at its lower bound.
@@ -315,7 +315,10 @@ impl<'a> Search<'a> {
                 count += 1;
             }
             if count == LANES || (count > 0 && at + 1 == constraints.len()) {
-                let normals = waiting.map(|constraint| self.qp.normal(constraint.into()));
+                let mut normals = [Row::ZERO; LANES];
+                for (normal, &constraint) in normals.iter_mut().zip(&waiting) {
+                    *normal = self.qp.normal(usize::from(constraint));
+                }
                 let lengths = self.elimination.lengths(&normals);
                 for (&constraint, length) in waiting.iter().zip(lengths).take(count) {
                     self.lengths[usize::from(constraint)] = length;
