@@ -2,7 +2,7 @@
 
 Every peer is asked for its own account of setup and solve, where it keeps one; where it keeps none,
 the wall clock around the call is taken and said so. All start cold. `interleaved`: every QP goes to
-every solver in turn, so each finds the caches as the others left them. `alone`: each solver goes over
+every solver, in a drawn order, so each finds the caches as others left them. `alone`: each solver goes over
 all QPs by itself. Ratios are medians of the ratio to DAQP on the same QP in the same round.
 
     peers.py LIBRARY RECORDED [ROUNDS]
@@ -12,6 +12,7 @@ LIBRARY is our solver as a shared library, RECORDED the file of recorded QPs.
 
 import ctypes
 import os
+import random
 import statistics
 import struct
 import sys
@@ -276,13 +277,19 @@ def main():
     print(f"{len(problems)} QPs, {rounds} rounds, cold unless said otherwise")
     for which, numbers in [("all", numbers), ("those beyond the slacks' bounds", hard)]:
         for how, who, order in [
-            ("interleaved", solvers, [(s, n) for n in numbers for s in solvers]),
-            ("interleaved", [warm, *solvers[1:]], [(s, n) for n in numbers for s in [warm, *solvers[1:]]]),
+            ("interleaved", solvers, interleaved(solvers, numbers)),
+            ("interleaved", [warm, *solvers[1:]], interleaved([warm, *solvers[1:]], numbers)),
             ("alone", [warm, *solvers], [(s, n) for s in [warm, *solvers] for n in numbers]),
         ]:
             measured = [run(who, order, exact) for _ in range(rounds)]
             errors = {s.name: max(e[s.name] for _, e in measured) for s in who}
             table(f"{how}, {which} ({len(numbers)})", who, [times for times, _ in measured], errors)
+
+
+def interleaved(solvers, numbers):
+    """Every QP by every solver, each time in another order: who ran before counts for much."""
+    shuffle = random.Random(1)
+    return [(s, n) for n in numbers for s in shuffle.sample(solvers, len(solvers))]
 
 
 def limited(problem):

@@ -230,10 +230,8 @@ impl Factors {
         for i in 0..WIDTH {
             z.0[i] = x.0[i] * self.roots.0[i];
         }
-        for k in (1..VARIABLES).rev() {
-            for i in 0..k {
-                z.0[i] -= self.upper[i].0[k] * z.0[k];
-            }
+        for k in (0..VARIABLES - 1).rev() {
+            z.0[k] -= self.upper[k].dot(&z);
         }
         z
     }
