@@ -21,6 +21,7 @@ cpufeatures::new!(avx, "avx");
 #[expect(unsafe_code, reason = "whether a processor has wide registers shows only when it runs")]
 pub fn widest<W: Work>(work: W) -> W::Result {
     /// The work compiled for 256-bit registers.
+    #[inline(never)]
     #[target_feature(enable = "avx")]
     fn with_avx<W: Work>(work: W) -> W::Result {
         work.run()

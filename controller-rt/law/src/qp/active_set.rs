@@ -39,7 +39,7 @@ pub struct ActiveSet;
 
 impl QpSolver for ActiveSet {
     fn solve(&self, qp: &Qp, warm: &mut WorkingSet) -> Solution {
-        wide::widest(Solve { qp, warm })
+        wide::widest(Solve { qp, warm, rest: |rest| wide::widest(rest) })
     }
 }
 
@@ -47,6 +47,43 @@ impl QpSolver for ActiveSet {
 struct Solve<'a> {
     qp: &'a Qp,
     warm: &'a mut WorkingSet,
+    /// Does what is left when the natural working set is not it: a function of its own, so that
+    /// the usual case is short and finds its way into the caches at once.
+    rest: fn(Rest) -> Solution,
+}
+
+/// What is left of a solve.
+struct Rest<'a> {
+    qp: &'a Qp,
+    elimination: &'a Elimination,
+    /// Where the search may start right away: point, slope, and what is violated there.
+    natural: Option<(&'a Row, &'a Row)>,
+    excess: &'a mut Excess,
+    are_slacks_held: bool,
+    /// The working set to start from, and then the one found.
+    warm: &'a mut WorkingSet,
+}
+
+impl Work for Rest<'_> {
+    type Result = Solution;
+
+    #[inline(always)]
+    fn run(self) -> Solution {
+        let Self { qp, elimination, natural, excess, are_slacks_held, warm } = self;
+        let guess = if warm.is_empty() { WorkingSet::natural() } else { *warm };
+        let mut factors = Factors::EMPTY;
+        let mut search = Search::start(qp, elimination, &mut factors);
+        if are_slacks_held && guess.has_slacks() {
+            search.hold_slacks();
+        }
+        match natural {
+            Some((z, slope)) => search.settle_at(z, slope),
+            None => search.adopt(&guess),
+        }
+        let solution = search.run(excess, natural.is_some());
+        *warm = search.working_set();
+        solution
+    }
 }
 
 impl Work for Solve<'_> {
@@ -54,7 +91,7 @@ impl Work for Solve<'_> {
 
     #[inline(always)]
     fn run(self) -> Solution {
-        let Self { qp, warm } = self;
+        let Self { qp, warm, rest } = self;
         let limits: [f64; SLACKS] = core::array::from_fn(|i| qp.lower[INPUTS + i]);
         let are_slacks_held = limits.iter().all(|limit| limit.is_finite());
         let slacks = if are_slacks_held { limits } else { [0.0; SLACKS] };
@@ -67,34 +104,27 @@ impl Work for Solve<'_> {
             };
         }
         let mut excess = Excess::EMPTY;
-        let mut natural = None;
-        let is_cold = warm.is_empty() || warm.is_natural();
-        if is_cold && are_slacks_held {
-            let z = elimination.minimise_inputs(&slacks);
-            let slope = qp.slope(&z);
+        let (mut z, mut slope) = (Row::ZERO, Row::ZERO);
+        let mut is_natural = false;
+        if are_slacks_held && (warm.is_empty() || warm.is_natural()) {
+            z = elimination.minimise_inputs(&slacks);
+            slope = qp.slope(&z);
             excess.look(qp, &z);
             // Written so that NaN is refused too.
-            if slope.0[INPUTS..VARIABLES].iter().all(|&multiplier| multiplier >= 0.0) {
-                if excess.is_within(VIOLATION_MIN) {
-                    *warm = WorkingSet::natural();
-                    return natural_solution(qp, &z, &slope, &excess);
-                }
-                natural = Some((z, slope));
+            is_natural = slope.0[INPUTS..VARIABLES].iter().all(|&multiplier| multiplier >= 0.0);
+            if is_natural && excess.is_within(VIOLATION_MIN) {
+                *warm = WorkingSet::natural();
+                return natural_solution(qp, &z, &slope, &excess);
             }
         }
-        let guess = if is_cold { WorkingSet::natural() } else { *warm };
-        let mut factors = Factors::EMPTY;
-        let mut search = Search::start(qp, &elimination, &mut factors);
-        if are_slacks_held && guess.has_slacks() {
-            search.hold_slacks();
-        }
-        match &natural {
-            Some((z, slope)) => search.settle_at(z, slope),
-            None => search.adopt(&guess),
-        }
-        let solution = search.run(&mut excess, natural.is_some());
-        *warm = search.working_set();
-        solution
+        rest(Rest {
+            qp,
+            elimination: &elimination,
+            natural: is_natural.then_some((&z, &slope)),
+            excess: &mut excess,
+            are_slacks_held,
+            warm,
+        })
     }
 }
 
@@ -459,7 +489,7 @@ mod tests {
             // Cold, then warm.
             for _ in 0..2 {
                 let by_wide = ActiveSet.solve(&qp, &mut wide);
-                let by_narrow = Solve { qp: &qp, warm: &mut narrow }.run();
+                let by_narrow = Solve { qp: &qp, warm: &mut narrow, rest: |rest| rest.run() }.run();
                 assert_eq!(by_wide.status, SolveStatus::Solved);
                 assert!(by_wide.report.kkt_residual < 1e-9, "{:?}", by_wide.report);
                 assert_eq!(by_wide.z.map(f64::to_bits), by_narrow.z.map(f64::to_bits));
