@@ -4,9 +4,8 @@ use std::fs;
 use std::path::Path;
 
 use bench_sim::Scenario;
-use controller_rt::{Clarabel, Controller, LawController};
-use law::qp::ActiveSet;
-use law::{Calibration, Law};
+use controller_rt::{Controller, LawController};
+use law::Calibration;
 use platoon_dbc::{Profile, Vehicle};
 
 use crate::cli::{LawArgs, SolverKind};
@@ -80,8 +79,8 @@ pub fn of_truck(common: &Calibration, scenario: &Scenario, truck: u8) -> Calibra
 /// The law with this calibration, ready for an ECU.
 pub fn controller(calibration: Calibration, solver: SolverKind) -> Box<dyn Controller> {
     match solver {
-        SolverKind::ActiveSet => Box::new(LawController::new(Law::new(calibration, ActiveSet))),
-        SolverKind::Clarabel => Box::new(LawController::new(Law::new(calibration, Clarabel))),
+        SolverKind::ActiveSet => LawController::active_set(calibration),
+        SolverKind::Clarabel => LawController::clarabel(calibration),
     }
 }
 

@@ -1,7 +1,9 @@
 //! The slot a control law fits into.
 
-use law::qp::QpSolver;
-use law::{Decision, Law, Memory, Observation};
+use law::qp::{ActiveSet, QpSolver};
+use law::{Calibration, Decision, Law, Memory, Observation};
+
+use crate::reference_qp::Clarabel;
 
 pub use law::Phase;
 
@@ -35,6 +37,24 @@ impl<S: QpSolver> LawController<S> {
     #[must_use]
     pub fn new(law: Law<S>) -> Self {
         Self { law, memory: Memory::new() }
+    }
+}
+
+// Made here and not where they are asked for, so that the law is compiled with this crate's care
+// for speed even where the command is compiled in a hurry.
+impl LawController<ActiveSet> {
+    /// The law with our own solver, having seen nothing.
+    #[must_use]
+    pub fn active_set(calibration: Calibration) -> Box<dyn Controller> {
+        Box::new(Self::new(Law::new(calibration, ActiveSet)))
+    }
+}
+
+impl LawController<Clarabel> {
+    /// The law with the reference solver, having seen nothing.
+    #[must_use]
+    pub fn clarabel(calibration: Calibration) -> Box<dyn Controller> {
+        Box::new(Self::new(Law::new(calibration, Clarabel)))
     }
 }
 
