@@ -5,7 +5,7 @@ use std::path::Path;
 
 use bench_sim::Scenario;
 use controller_rt::{Controller, LawController};
-use law::Calibration;
+use law::{Calibration, CoordinationLaw, UclCalibration};
 use platoon_dbc::{Profile, Vehicle};
 
 use crate::cli::{LawArgs, SolverKind};
@@ -16,15 +16,30 @@ use crate::failure::Failure;
 /// # Errors
 /// Names `source`, the key and what is allowed.
 pub fn from_table(source: &str, table: &toml::Table) -> Result<Calibration, Failure> {
-    let calibration: Calibration = table.clone().try_into().map_err(|error: toml::de::Error| {
-        let reason = error.message().replace('\n', " ");
-        Failure::usage(format!("{source}: law: {reason}"))
-    })?;
+    let mut calibration: Calibration =
+        table.clone().try_into().map_err(|error: toml::de::Error| {
+            let reason = error.message().replace('\n', " ");
+            Failure::usage(format!("{source}: law: {reason}"))
+        })?;
+    let says = |key| table.get("ucl").and_then(|ucl| ucl.get(key)).is_some();
+    if says("law") && !says("k1") && !says("k2") {
+        let law = calibration.ucl.law;
+        coordinate_by(&mut calibration, law);
+    }
     match calibration.defect() {
         Some((key, allowed)) => {
             Err(Failure::usage(format!("{source}: law.{key} is impossible: allowed is {allowed}")))
         }
         None => Ok(calibration),
+    }
+}
+
+/// Has a law coordinate; one that is named after the published gain brings that with it.
+pub fn coordinate_by(calibration: &mut Calibration, law: CoordinationLaw) {
+    calibration.ucl.law = law;
+    if matches!(law, CoordinationLaw::Published | CoordinationLaw::Feedforward) {
+        calibration.ucl.k1 = UclCalibration::PUBLISHED_K1;
+        calibration.ucl.k2 = UclCalibration::PUBLISHED_K2;
     }
 }
 
@@ -87,4 +102,26 @@ pub fn controller(calibration: Calibration, solver: SolverKind) -> Box<dyn Contr
 /// What a bus profile must know of the truck, as its ECU believes it to be.
 pub fn vehicle(calibration: &Calibration) -> Vehicle {
     Vehicle { mass_kg: calibration.truck.mass_kg, ..Vehicle::default() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str) -> Calibration {
+        from_table("test", &text.parse().expect("TOML")).expect("it makes sense")
+    }
+
+    #[test]
+    fn a_law_named_after_the_published_gain_brings_it_unless_another_is_given() {
+        let loop_k1 = Calibration::default().ucl.k1;
+        assert_eq!(read("").ucl.k1, loop_k1);
+        for law in ["published", "feedforward"] {
+            let named = read(&format!("[ucl]\nlaw = \"{law}\""));
+            assert_eq!(named.ucl.k1, UclCalibration::PUBLISHED_K1, "{law}");
+        }
+        assert_eq!(read("[ucl]\nlaw = \"ploeg\"").ucl.k1, loop_k1);
+        let own = read("[ucl]\nlaw = \"published\"\nk1 = [1.0, 2.0, 3.0]");
+        assert_eq!(own.ucl.k1, [1.0, 2.0, 3.0]);
+    }
 }

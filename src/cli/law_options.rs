@@ -3,6 +3,7 @@
 use clap::{Args, ValueEnum};
 
 use super::Word;
+use crate::calibration;
 
 /// How the control law is run.
 #[derive(Debug, Clone, Args)]
@@ -41,11 +42,7 @@ impl LawArgs {
             calibration.ucl.delay_reading = reading.into();
         }
         if let Some(ucl) = self.ucl {
-            calibration.ucl.law = ucl.into();
-            if ucl.has_the_published_gain() {
-                calibration.ucl.k1 = law::UclCalibration::PUBLISHED_K1;
-                calibration.ucl.k2 = law::UclCalibration::PUBLISHED_K2;
-            }
+            calibration::coordinate_by(&mut calibration, ucl.into());
         }
         calibration
     }
@@ -141,13 +138,6 @@ pub enum UclKind {
     Ploeg,
     /// No coordination: every truck holds the set speed.
     None,
-}
-
-impl UclKind {
-    /// Whether asking for this law is asking for the gain of the paper's Table II.
-    fn has_the_published_gain(self) -> bool {
-        matches!(self, Self::Published | Self::Feedforward)
-    }
 }
 
 impl From<UclKind> for law::CoordinationLaw {
