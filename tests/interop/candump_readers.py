@@ -120,9 +120,17 @@ def disagreement(printed, message):
         field = snake_case(signal)
         ours = getattr(message, field)
         named = getattr(message, f"{field}_text", "") or getattr(message, f"{field}_status", "")
-        if not (text == named if named else float(text.split()[0]) == ours):
+        if not (text == named if named else number(text) == ours):
             return f"{signal} is {ours} {named}, cantools says {text}"
     return None
+
+
+def number(text):
+    """The number that cantools prints before the unit; none where it prints a name instead."""
+    try:
+        return float(text.split()[0])
+    except ValueError:
+        return None
 
 
 def by_tshark(log, frames):
