@@ -283,7 +283,7 @@ step_page() {
 # The default scenario as users get it must pass; a few seconds of it are read by stock readers.
 step_rehearse() {
     local platoon=$target/release/platoon trace=$scratch/short/run.mcap status=0
-    cargo build --quiet --locked --release
+    cargo build --quiet --locked --release --bin platoon
     "$platoon" rehearse obstacle-avoidance --virtual-time --out "$scratch/whole"
     "$platoon" rehearse obstacle-avoidance --virtual-time --duration-s 3 --out "$scratch/short" \
         >"$scratch/short.txt" 2>&1 || status=$?
