@@ -146,12 +146,17 @@ impl Captured {
         [
             ("asked", asked.to_string()),
             ("events", self.events.len().to_string()),
-            ("spans_s", self.spans.iter().map(span).collect::<Vec<_>>().join(", ")),
+            ("spans_s", list(&self.spans, span)),
+            ("spans_ns", list(&self.spans, |span| format!("{}-{}", span.start, span.end))),
             ("rest_period_ns", REST_PERIOD_NS.to_string()),
         ]
         .map(|(key, value)| (key.to_owned(), value))
         .into()
     }
+}
+
+fn list(spans: &[Range<u64>], told: impl Fn(&Range<u64>) -> String) -> String {
+    spans.iter().map(told).collect::<Vec<_>>().join(", ")
 }
 
 impl fmt::Display for Captured {

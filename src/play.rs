@@ -1,8 +1,8 @@
 //! `platoon play`: the frames of a recorded run back on a bus, with the times they had.
 //!
 //! A thread reads ahead, so that the one that sends only sleeps and sends; how late each frame was
-//! against the recording is told at the end. The rig's frames alone drive ECUs as a run would, the
-//! ECUs' alone a rig.
+//! against the recording is told at the end, beside how late the machine was by itself meanwhile.
+//! The rig's frames alone drive ECUs as a run would, the ECUs' alone a rig.
 
 mod timing;
 
@@ -13,6 +13,8 @@ use std::thread;
 
 use platoon_dbc::{Bus, Clock};
 use traces::{FrameRecord, Record, Topic};
+use vcan_setup::floor::{FloorOptions, Sentinel};
+use vcan_setup::realtime::environment;
 
 use crate::bus::BusChoice;
 use crate::cli::{BusKind, PlayArgs, Side};
@@ -32,6 +34,8 @@ const RUN_UP_NS: u64 = 200_000_000;
 const LOOK_NS: u64 = 100_000_000;
 /// Pause between the end and the next beginning of a loop, in bench time \[ns\].
 const BETWEEN_LOOPS_NS: u64 = 1_000_000;
+/// How often the machine is asked how late it is \[ns\].
+const FLOOR_PERIOD_NS: u64 = 1_000_000;
 
 /// Plays a run.
 ///
@@ -166,6 +170,15 @@ fn read_ahead(
     }
 }
 
+/// How the machine's floor is measured while frames are played: the player cannot make it late.
+fn sentinel_options() -> FloorOptions {
+    FloorOptions {
+        cpus: environment().online_cpus,
+        period_ns: FLOOR_PERIOD_NS,
+        priority: Some(process::RIG_PRIORITY + 1),
+    }
+}
+
 /// Sends frames when they are due.
 struct Player<'a> {
     choice: &'a BusChoice,
@@ -185,21 +198,28 @@ impl<'a> Player<'a> {
     /// Plays until the end or until somebody stops it.
     fn play(mut self, batches: Receiver<Vec<Due>>) -> Result<Timing, Failure> {
         let first = batches.recv().unwrap_or_default();
+        let sentinel = Sentinel::start(&sentinel_options()).map_err(Failure::cannot_start)?;
         let obtained = process::become_realtime(process::RIG_PRIORITY, None);
         for refusal in &obtained.refused {
             anstream::eprintln!("playing without it: {refusal}");
         }
+        let played = self.send_all(first, &batches);
+        self.timing.set_beside(&sentinel.stop());
+        played.map(|()| self.timing)
+    }
+
+    fn send_all(&mut self, first: Vec<Due>, batches: &Receiver<Vec<Due>>) -> Result<(), Failure> {
         let start_ns = self.clock.now_ns() + RUN_UP_NS;
         for batch in std::iter::once(first).chain(batches.iter()) {
             for (time_ns, record) in batch {
                 let due_ns = start_ns + (time_ns as f64 / self.speed) as u64;
                 if !self.sleep_until(due_ns) {
-                    return Ok(self.timing);
+                    return Ok(());
                 }
                 self.send(due_ns, &record)?;
             }
         }
-        Ok(self.timing)
+        Ok(())
     }
 
     /// False when somebody stopped it.

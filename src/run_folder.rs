@@ -7,6 +7,9 @@ use jiff::Zoned;
 
 use crate::failure::Failure;
 
+/// The machine's floor in cyclictest's form: beside a trace, and attached to it.
+pub const FLOOR: &str = "floor.json";
+
 /// The folder a run writes into.
 #[derive(Debug, Clone)]
 pub struct RunFolder {
@@ -79,7 +82,7 @@ impl RunFolder {
 
     /// How late the machine woke the sentinel beside the run, in cyclictest's form.
     pub fn floor(&self) -> PathBuf {
-        self.path.join("floor.json")
+        self.path.join(FLOOR)
     }
 
     /// The table of a deadline test, for programs.

@@ -7,11 +7,11 @@ use std::path::PathBuf;
 use platoon_dbc::Profile;
 use traces::{Attachment, MergeOptions, MergeReport, PartReport, Source};
 
-use super::{Outcome, Plan, describe_environment};
+use super::{Outcome, Plan, cyclictest_json, describe_environment};
 use crate::bus::BusChoice;
 use crate::capture::{CAPTURE, Captured};
 use crate::cli::Word;
-use crate::run_folder::RunFolder;
+use crate::run_folder::{FLOOR, RunFolder};
 use crate::scenery;
 
 /// Merges what there is into `run.mcap` and removes the parts; what a killed process lost, and what
@@ -66,12 +66,15 @@ fn options(plan: &Plan<'_>, bus: &BusChoice, outcome: &Outcome) -> MergeOptions 
         data: text.as_bytes().to_vec(),
     };
     let law = toml::to_string(&plan.calibration).unwrap_or_default();
+    let floor = outcome.floor.as_ref().map(|floors| cyclictest_json(&floors.beside).to_string());
+    let attachments = [
+        file(dbc_name(profile), "text/plain", profile.dbc()),
+        file("scenario.toml", "application/toml", &plan.scenario.to_toml()),
+        file("law.toml", "application/toml", &law),
+    ];
+    let floor = floor.map(|text| file(FLOOR, "application/json", &text));
     MergeOptions {
-        attachments: vec![
-            file(dbc_name(profile), "text/plain", profile.dbc()),
-            file("scenario.toml", "application/toml", &plan.scenario.to_toml()),
-            file("law.toml", "application/toml", &law),
-        ],
+        attachments: attachments.into_iter().chain(floor).collect(),
         metadata: BTreeMap::from([
             ("platoon.run".to_owned(), run),
             ("platoon.environment".to_owned(), describe_environment()),

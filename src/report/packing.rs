@@ -111,6 +111,7 @@ fn head(story: &Story, numbers: &mut Numbers) -> Value {
         "phases": PHASES,
         "bins": Bins::ALL,
         "latencies": latencies,
+        "floor": story.floor,
         "events": gallery(&story.times),
         "loss": story.loss,
     })

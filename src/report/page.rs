@@ -11,11 +11,12 @@ const FRAME: &str = include_str!("page/index.html");
 const STYLES: [&str; 2] =
     [include_str!("page/vendor/uPlot.min.css"), include_str!("page/page.css")];
 /// In the order in which they use each other.
-const SCRIPTS: [&str; 11] = [
+const SCRIPTS: [&str; 12] = [
     include_str!("page/vendor/uPlot.iife.min.js"),
     include_str!("page/elements.js"),
     include_str!("page/story.js"),
     include_str!("page/theme.js"),
+    include_str!("page/later.js"),
     include_str!("page/clock.js"),
     include_str!("page/plots.js"),
     include_str!("page/road.js"),

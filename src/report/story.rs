@@ -8,8 +8,11 @@ use traces::{Record, TRUCKS_MAX, TickRecord, Topic, TruckTruth, TruthRecord};
 
 use super::bus_load::BusLoad;
 use super::envelope::Envelopes;
+use super::latency::Spread;
 use super::timing_events::TickTimes;
 use crate::failure::Failure;
+use crate::process;
+use crate::run_folder::FLOOR;
 use crate::trace::Trace;
 
 /// Time between two truths of a trace \[ns\].
@@ -98,6 +101,9 @@ pub struct Story {
     pub buses: Option<Envelopes>,
     /// Timing of every tick.
     pub times: Vec<TickTimes>,
+    /// How late the machine woke a thread that did nothing else, beside the run; none in virtual
+    /// time.
+    pub floor: Option<Spread>,
     /// What could not be read, in words.
     pub loss: Option<String>,
 }
@@ -113,6 +119,7 @@ impl Story {
             metadata: trace.metadata().clone(),
             scenario: scenario(trace),
             start_wall_ns: trace.start_wall_ns(),
+            floor: floor(trace),
             ..Self::default()
         };
         let mut load = BusLoad::new(trace.profile().timing());
@@ -190,6 +197,13 @@ impl Story {
             envelopes.add(ecu * ECU.len() + place, tick.time_ns, value(tick));
         }
     }
+}
+
+/// The machine's floor: attached, or, as with traces of older versions, beside the trace.
+fn floor(trace: &Trace) -> Option<Spread> {
+    let attached = trace.attached_text(FLOOR).and_then(|text| serde_json::from_str(text).ok());
+    let beside = || process::read_json(&trace.path().with_file_name(FLOOR));
+    Spread::of_cyclictest(&attached.or_else(beside)?)
 }
 
 /// The attached scenario, numbers and all.

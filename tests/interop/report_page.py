@@ -2,8 +2,9 @@
 
 Usage: report_page.py PLATOON SCRATCH
 
-Makes three pages with the command PLATOON below the folder SCRATCH: of a rehearsal with its summary,
-of a trace alone, and of two runs over each other. How long drawing takes is reported, not judged.
+Makes pages with the command PLATOON below the folder SCRATCH: of a rehearsal with its summary, of a
+trace alone, of two runs over each other, and of the trace alone of a run in real time. How long
+drawing takes is reported, not judged.
 """
 
 import shutil
@@ -35,7 +36,10 @@ class Opened:
         self.page.on("request", self.asked)
         self.page.goto(path.as_uri() + fragment)
         self.page.wait_for_selector("body[data-drawn-ms]", timeout=30_000)
+        # What is out of sight is made after that, whether somebody looks at it or not.
+        self.page.wait_for_selector("body[data-complete-ms]", timeout=30_000)
         self.drawn_ms = self.do("document.body.dataset.drawnMs")
+        self.complete_ms = self.do("document.body.dataset.completeMs")
 
     def complain(self, kind, text):
         if kind in ("error", "warning"):
@@ -157,9 +161,8 @@ def whole(browser, path):
     zooming_one_plot_zooms_all(opened)
     keys_do_what_they_say(opened)
     assert len(opened.page.pdf()) > 10_000, "nothing to print"
-    drawn_ms = opened.drawn_ms
     opened.close()
-    return drawn_ms
+    return opened
 
 
 def small(browser, path):
@@ -191,40 +194,76 @@ def pair(browser, path):
     opened.close()
 
 
+def timed(browser, path):
+    """The trace alone of a run in real time: every phase against the curve of the machine's floor."""
+    opened = Opened(browser, path)
+    assert not path.with_name("floor.json").exists(), "the floor is to come from the trace"
+    shapes = opened.do(
+        """() => Object.fromEntries(
+            [...document.querySelectorAll(".latencies tbody tr")].map((row) => [
+                row.querySelector("th").textContent,
+                [...row.querySelectorAll("path")].map((path) =>
+                    [path.getAttribute("class"), path.getAttribute("d").split("L").length]),
+            ]))"""
+    )
+    floor = shapes.pop("machine alone")
+    assert [kind for kind, _ in floor] == ["histogram"] and floor[0][1] > 4, floor
+    assert {"whole tick", "wake", "qp", "send"} <= set(shapes), list(shapes)
+    for phase, drawn in shapes.items():
+        assert [kind for kind, _ in drawn] == ["histogram", "machine"], f"{phase}: {drawn}"
+        assert drawn[1][1] == floor[0][1], f"{phase}: another floor than the machine's"
+    values = opened.page.locator(".latencies .floor td.number").all_inner_texts()
+    assert len(values) == 5 and "–" not in values, values
+    opened.close()
+
+
 def make(platoon, scratch):
-    """The three pages: of a run, of its trace alone, of two runs."""
+    """The pages: of a run, of its trace alone, of two runs, of a trace of real time."""
     runs = [scratch / name for name in ("first", "second")]
     for seed, run in enumerate(runs, start=1):
-        subprocess.run(
-            [platoon, "rehearse", "obstacle-avoidance", "--virtual-time", "--rate-hz", "20",
-             "--duration-s", "45", "--seed", str(seed), "--out", run],
-            check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
-    alone = scratch / "alone"
-    alone.mkdir(parents=True)
-    shutil.copy(runs[0] / "run.mcap", alone)
+        rehearse(platoon, run, "--virtual-time", "--duration-s", "45", "--seed", str(seed))
+    real = scratch / "real"
+    rehearse(platoon, real, "--bus", "udp", "--duration-s", "4")
     traces = [run / "run.mcap" for run in runs]
-    subprocess.run([platoon, "report", alone / "run.mcap"], check=True)
     subprocess.run([platoon, "report", *traces, "-o", scratch / "pair.html"], check=True)
-    return runs[0] / "report.html", alone / "report.html", scratch / "pair.html"
+    return (runs[0] / "report.html", report_alone(platoon, runs[0]), scratch / "pair.html",
+            report_alone(platoon, real))
+
+
+def rehearse(platoon, run, *words):
+    subprocess.run(
+        [platoon, "rehearse", "obstacle-avoidance", "--rate-hz", "20", *words, "--out", run],
+        check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )
+
+
+def report_alone(platoon, run):
+    """The page of a run of which nothing is left but its trace."""
+    alone = run.with_name(f"{run.name}-alone")
+    alone.mkdir(parents=True)
+    shutil.copy(run / "run.mcap", alone)
+    subprocess.run([platoon, "report", alone / "run.mcap"], check=True)
+    return alone / "report.html"
 
 
 def main():
     platoon, scratch = Path(sys.argv[1]), Path(sys.argv[2]).resolve()
-    of_run, of_trace, of_pair = make(platoon, scratch)
+    of_run, of_trace, of_pair, of_real = make(platoon, scratch)
     with sync_playwright() as playwright:
         # Its sandbox needs a user other than root.
         browser = playwright.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--no-sandbox"]
         )
-        drawn_ms = whole(browser, of_run)
+        opened = whole(browser, of_run)
         small(browser, of_run)
         bare(browser, of_trace)
         pair(browser, of_pair)
+        timed(browser, of_real)
         browser.close()
     size_kib = of_run.stat().st_size // 1024
-    print(f"report: {size_kib} KiB, drawn {drawn_ms} ms after opening; curves, cursors, zoom, keys, "
-          "phone, print, trace alone and two runs as they should be")
+    print(f"report: {size_kib} KiB, drawn {opened.drawn_ms} ms after opening, all of it after "
+          f"{opened.complete_ms} ms; curves, cursors, zoom, keys, phone, print, trace alone, two runs "
+          "and the machine's floor as they should be")
 
 
 if __name__ == "__main__":

@@ -36,6 +36,8 @@ uint32 nanosec
 ";
 
 const SECOND_NS: u64 = 1_000_000_000;
+/// Where `header.stamp` is in the CDR message: first behind the encapsulation header.
+const STAMP: std::ops::Range<usize> = 4..12;
 
 /// A frame on a bus.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +62,7 @@ impl FrameRecord {
         let stamp_ns = if self.stamp_ns == 0 { log_time_ns } else { self.stamp_ns };
         let (frame, flags) = (&self.frame, self.frame.flags());
         let mut cdr = cdr::Writer::new(out);
-        cdr.i32(i32::try_from(stamp_ns / SECOND_NS).unwrap_or(i32::MAX));
+        cdr.i32(seconds(stamp_ns));
         cdr.u32((stamp_ns % SECOND_NS) as u32);
         cdr.string(bus_name(self.bus, &mut [0; 6]));
         cdr.u32(frame.id());
@@ -112,6 +114,28 @@ impl FrameRecord {
     }
 }
 
+/// An encoded record for another log time; none when its stamp is the kernel's, so that it stays.
+pub(crate) fn restamped(bytes: &[u8], log_time_ns: u64, other_ns: u64) -> Option<Vec<u8>> {
+    let stamp = bytes.get(STAMP)?;
+    (stamp == encoded_stamp(log_time_ns)).then(|| {
+        let mut bytes = bytes.to_vec();
+        bytes[STAMP].copy_from_slice(&encoded_stamp(other_ns));
+        bytes
+    })
+}
+
+/// `header.stamp`: seconds, then nanoseconds.
+fn encoded_stamp(stamp_ns: u64) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    bytes[..4].copy_from_slice(&seconds(stamp_ns).to_le_bytes());
+    bytes[4..].copy_from_slice(&((stamp_ns % SECOND_NS) as u32).to_le_bytes());
+    bytes
+}
+
+fn seconds(stamp_ns: u64) -> i32 {
+    i32::try_from(stamp_ns / SECOND_NS).unwrap_or(i32::MAX)
+}
+
 /// `bus<i>`, without allocating.
 fn bus_name(bus: u8, text: &mut [u8; 6]) -> &str {
     let mut len = 3;
@@ -139,6 +163,23 @@ mod tests {
 
     fn record(frame: Frame) -> FrameRecord {
         FrameRecord { bus: 203, time_ns: 5_000_001, stamp_ns: 77, tick: 5, tx: true, frame }
+    }
+
+    #[test]
+    fn another_log_time_is_what_encoding_for_it_gives() {
+        let frame = Frame::new(0x123, FrameFlags::default(), &[1, 2]).expect("valid");
+        for stamp_ns in [0, 77] {
+            let record = FrameRecord { stamp_ns, ..record(frame) };
+            let (log_time_ns, other_ns) = (5 * SECOND_NS + 1, 7 * SECOND_NS - 1);
+            let encoded = |log_time_ns| {
+                let mut bytes = Vec::new();
+                record.encode(log_time_ns, &mut bytes);
+                bytes
+            };
+            let other = restamped(&encoded(log_time_ns), log_time_ns, other_ns);
+            assert_eq!(other, (stamp_ns == 0).then(|| encoded(other_ns)));
+        }
+        assert_eq!(restamped(&[0; 9], 0, 1), None, "too short to have a stamp");
     }
 
     #[test]

@@ -10,10 +10,10 @@ use mcap::{McapError, WriteOptions};
 
 use crate::derived::{Derivation, Derived};
 use crate::focus::Sieve;
+use crate::frame::restamped;
 use crate::merge::MergeOptions;
 use crate::part::MERGED;
 use crate::reader::Message;
-use crate::record::Record;
 use crate::scan::Attachment;
 use crate::topic::{Schema, Topic};
 
@@ -159,13 +159,9 @@ impl Merged {
 /// A message's bytes for another log time: where a frame has no kernel stamp, that stands in.
 fn on_clock(message: &Message, log_time_ns: u64) -> Cow<'_, [u8]> {
     let is_frame = matches!(message.channel.kind, Some(Topic::Frames(_) | Topic::Rx(_)));
-    if is_frame
-        && message.log_time_ns != log_time_ns
-        && let Ok(Record::Frame(frame)) = message.record()
-    {
-        let mut bytes = Vec::with_capacity(message.data.len());
-        frame.encode(log_time_ns, &mut bytes);
-        return bytes.into();
+    let (data, was_ns) = (message.data.as_slice(), message.log_time_ns);
+    match is_frame && was_ns != log_time_ns {
+        true => restamped(data, was_ns, log_time_ns).map_or(data.into(), Cow::from),
+        false => data.into(),
     }
-    message.data.as_slice().into()
 }

@@ -76,10 +76,12 @@ function footer(stories) {
       html("pre", {}, $("licence").textContent)));
 }
 
-/** Fills a section, or takes it away when there is nothing to show. */
+/** Has a section filled, or taken away when there is nothing to show. */
 function section(id, fill) {
   const place = $(id).querySelector(".body");
-  if (!fill(place)) $(id).remove();
+  Later.fill(place, () => {
+    if (!fill(place)) $(id).remove();
+  });
 }
 
 function controls() {
@@ -94,6 +96,7 @@ function controls() {
   addEventListener("keydown", keys);
   for (const [name, on] of [["beforeprint", true], ["afterprint", false]]) {
     addEventListener(name, () => {
+      Later.all();
       Theme.print(on);
       Plots.print(on);
     });
@@ -127,10 +130,9 @@ async function main() {
   section("machine", (place) => machineTables(stories, place));
   footer(stories);
   controls();
-  // For tests and the curious: when everything was drawn.
-  requestAnimationFrame(() => {
-    document.body.dataset.drawnMs = performance.now().toFixed(0);
-  });
+  // For tests and the curious: when what is in sight was on the screen, and when all was made.
+  const say = (what) => () => { document.body.dataset[what] = performance.now().toFixed(0); };
+  Later.begin(say("drawnMs"), say("completeMs"));
 }
 
 main().catch((error) => {

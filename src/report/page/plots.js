@@ -1,4 +1,5 @@
-// Curves over time, zoomed together, each with the cursor of the clock.
+// Curves over time, zoomed together, each with the cursor of the clock. A plot is drawn when it
+// comes into sight or when there is time, so that opening the page does not wait for all of them.
 
 /** The plots: name of the curve, title, unit, what a recorded value is multiplied by. */
 const PLOTS = [
@@ -29,6 +30,9 @@ const PLOTS = [
   { name: "qp_iterations", title: "Iterations of the QP", unit: "", digits: 0, least: 0 },
 ];
 
+/** Width of a plot on paper. */
+const PRINTED_PX = 340;
+
 const Plots = (() => {
   const all = [];
   const hidden = new Set();
@@ -36,25 +40,26 @@ const Plots = (() => {
   let shown = null;
   let pointed = null;
   let printing = false;
-  let following = false;
 
   const height = () => (printing ? 150 : innerWidth < 640 ? 170 : 200);
 
-  /** Curves of a plot over one axis that is as fine as the finest of the runs. */
-  function data(plot, stories) {
-    const lines = stories.flatMap((story) => {
+  /** The curves of a plot: one per run and truck that it has something of. */
+  function linesOf(plot, stories) {
+    return stories.flatMap((story) => {
       const count = Math.max(story.trucks.length, story.summary.trucks?.length ?? 0);
       return Array.from({ length: count }, (_, truck) => truck)
         .filter((truck) => !(plot.followers && truck === 0))
         .map((truck) => ({ story, truck, curve: story.truck(truck, plot.name) }))
-        .filter((line) => line.curve?.values.some((value) => value !== 0 && !Number.isNaN(value)));
+        .filter((line) => line.curve && !line.curve.isZero);
     });
-    if (lines.length === 0) return null;
+  }
+
+  /** Times and values of curves over one axis that is as fine as the finest of the runs. */
+  function data(plot, lines) {
     const step = Math.min(...lines.map((line) => line.curve.step));
-    const span = Math.max(...lines.map((line) => line.curve.step * line.curve.values.length));
+    const span = Math.max(...lines.map((line) => line.curve.step * line.curve.length));
     const times = Float64Array.from({ length: Math.round(span / step) }, (_, i) => i * step);
-    const values = lines.map(({ curve }) => heights(plot, curve, step, times.length));
-    return { lines, times, values };
+    return [times, ...lines.map(({ curve }) => heights(plot, curve, step, times.length))];
   }
 
   /** A curve's values over an axis, null in its gaps. */
@@ -62,10 +67,8 @@ const Plots = (() => {
     const [factor, stride] = [plot.factor ?? 1, step / curve.step];
     const values = new Array(count).fill(null);
     for (let i = 0; i < count; i++) {
-      const value = curve.values[stride === 1 ? i : Math.floor(i * stride + 1e-6)];
-      if (value === value && value !== undefined && !(plot.log && value <= 0)) {
-        values[i] = value * factor;
-      }
+      const value = curve.value(stride === 1 ? i : Math.floor(i * stride + 1e-6));
+      if (!Number.isNaN(value) && !(plot.log && value <= 0)) values[i] = value * factor;
     }
     return values;
   }
@@ -84,7 +87,8 @@ const Plots = (() => {
     };
   }
 
-  function options(plot, lines, width) {
+  function options(drawn) {
+    const { plot, lines, body } = drawn;
     const axis = {
       stroke: () => Theme.colour("--faint"),
       grid: { stroke: () => Theme.colour("--grid"), width: 1 },
@@ -101,10 +105,10 @@ const Plots = (() => {
       spanGaps: false,
     }));
     return {
-      width,
+      width: printing ? PRINTED_PX : Math.max(body.clientWidth, 200),
       height: height(),
       legend: { show: false },
-      scales: { x: { time: false }, y: scaleOf(plot) },
+      scales: { x: { time: false, min: range[0], max: range[1] }, y: scaleOf(plot) },
       axes: [
         { ...axis, size: 26, space: 60, values: (_, ticks) => ticks.map((t) => number(t, 6)) },
         { ...axis, size: 50, gap: 4, space: 30,
@@ -121,6 +125,7 @@ const Plots = (() => {
         setScale: [(u, key) => key === "x" && zoomed(u)],
         setCursor: [(u) => point(u)],
         drawClear: [(u) => zero(u, plot)],
+        draw: [() => putCursor(drawn, Clock.time())],
       },
     };
   }
@@ -143,25 +148,19 @@ const Plots = (() => {
 
   /** Every other plot shows the span of time that one was zoomed to. */
   function zoomed(u) {
-    if (following) return;
     const { min, max } = u.scales.x;
-    show([min, max], u);
+    if (min !== range[0] || max !== range[1]) show([min, max]);
   }
 
-  function show(span, by = null) {
+  function show(span) {
     const whole = [0, Clock.end()];
     range = span ? [Math.max(span[0], 0), Math.min(span[1], whole[1])] : whole;
-    following = true;
-    for (const { u } of all) {
-      if (u !== by) u.setScale("x", { min: range[0], max: range[1] });
-    }
-    following = false;
-    mark(Clock.time());
+    made().forEach(({ u }) => u.setScale("x", { min: range[0], max: range[1] }));
   }
 
   /** Zooms by a factor about the clock's instant, or the middle when that is not in sight. */
   function zoom(factor, about = null) {
-    const [from, to] = range ?? [0, Clock.end()];
+    const [from, to] = range;
     const now = about ?? Clock.time();
     const centre = now >= from && now <= to ? now : (from + to) / 2;
     const least = 4 / Clock.rate();
@@ -194,14 +193,16 @@ const Plots = (() => {
 
   /** Puts every plot's cursor at a time. */
   function mark(time) {
-    for (const { u, cursor } of all) {
-      const x = u.valToPos(time, "x");
-      const inside = x >= 0 && x <= u.over.clientWidth;
-      cursor.style.visibility = inside ? "visible" : "hidden";
-      cursor.style.transform = `translateX(${x}px)`;
-      cursor.dataset.time = time;
-    }
+    made().forEach((drawn) => putCursor(drawn, time));
     read();
+  }
+
+  function putCursor({ u, cursor }, time) {
+    const x = u.valToPos(time, "x");
+    // Asking the element how wide it is would have the page laid out anew for every plot.
+    const inside = x >= 0 && x <= u.bbox.width / devicePixelRatio;
+    cursor.style.visibility = inside ? "visible" : "hidden";
+    cursor.style.transform = `translateX(${x}px)`;
   }
 
   /** Click: go there. Two fingers: zoom there. */
@@ -242,42 +243,50 @@ const Plots = (() => {
     return { line, value, element: html("span", { style: colour }, label, " ", value) };
   }
 
-  function make(plot, stories, place) {
+  /** The place of a plot, as high as it will be. */
+  function frame(plot, stories, place) {
     if (plot.real && stories.every((story) => story.isVirtual)) return;
-    const found = data(plot, stories);
-    if (!found) return;
-    const readouts = found.lines.map((line) => readout(line, stories.length > 1));
-    const body = html("div", { class: "curves" });
-    const figure = html("figure", { id: `plot-${plot.name}`, "data-curves": found.lines.length },
+    const lines = linesOf(plot, stories);
+    if (lines.length === 0) return;
+    const readouts = lines.map((line) => readout(line, stories.length > 1));
+    const body = html("div", { class: "curves", style: `min-height: ${height()}px` });
+    const figure = html("figure", { id: `plot-${plot.name}`, "data-curves": lines.length },
       html("figcaption", {},
         html("h3", {}, plot.title, plot.unit ? html("span", { class: "unit" }, plot.unit) : ""),
         html("div", { class: "readouts" }, readouts.map(({ element }) => element))),
       body);
     place.append(figure);
-    const u = new uPlot(options(plot, found.lines, Math.max(body.clientWidth, 200)),
-      [found.times, ...found.values], body);
-    const cursor = html("div", { class: "cursor" });
-    u.over.append(cursor);
-    all.push({ plot, u, cursor, readouts, body, lines: found.lines });
-    listen(u);
+    const drawn = { plot, lines, readouts, body, u: null, cursor: html("div", { class: "cursor" }) };
+    all.push(drawn);
+    Later.fill(body, () => make(drawn));
   }
 
+  function make(drawn) {
+    const { plot, lines, body, cursor } = drawn;
+    drawn.u = new uPlot(options(drawn), data(plot, lines), body);
+    drawn.u.over.append(cursor);
+    body.style.minHeight = "";
+    listen(drawn.u);
+  }
+
+  const made = () => all.filter(({ u }) => u !== null);
+
   function resize() {
-    for (const { u, body } of all) {
-      const width = printing ? 340 : body.clientWidth;
+    for (const { u, body } of made()) {
+      const width = printing ? PRINTED_PX : body.clientWidth;
       if (width > 0 && (u.width !== width || u.height !== height())) {
         u.setSize({ width, height: height() });
       }
     }
-    mark(Clock.time());
   }
 
   return {
     draw(stories) {
-      PLOTS.forEach((plot) => make(plot, stories, $("plots")));
       show(null);
+      PLOTS.forEach((plot) => frame(plot, stories, $("plots")));
+      read();
       Clock.changed(mark);
-      Theme.changed(() => all.forEach(({ u }) => u.redraw(false)));
+      Theme.changed(() => made().forEach(({ u }) => u.redraw(false)));
       new ResizeObserver(resize).observe($("plots"));
       $("plots").addEventListener("mouseleave", () => {
         pointed = null;
@@ -295,7 +304,7 @@ const Plots = (() => {
       const hide = !hidden.has(truck);
       if (hide) hidden.add(truck);
       else hidden.delete(truck);
-      for (const { u, lines } of all) {
+      for (const { u, lines } of made()) {
         lines.forEach((line, i) => line.truck === truck && u.setSeries(i + 1, { show: !hide }));
       }
       return !hide;

@@ -5,7 +5,9 @@ const GAP = -32768;
 /** Unpacks the page's data. */
 async function unpack() {
   const text = $("data").textContent.trim();
-  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+  const letters = atob(text);
+  const packed = new Uint8Array(letters.length);
+  for (let i = 0; i < letters.length; i++) packed[i] = letters.charCodeAt(i);
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
   const bytes = await new Response(stream).arrayBuffer();
   const length = new DataView(bytes).getUint32(0, true);
@@ -14,32 +16,45 @@ async function unpack() {
   return head.stories.map((story, run) => new Story(story, numbers, run));
 }
 
-/** One curve: values over an even axis of time, gaps as not-a-number. */
+/** One curve: values over an even axis of time, gaps as not-a-number; decoded where looked at. */
 class Curve {
   constructor(told, axis, numbers) {
     this.step = axis.step_s;
-    this.values = new Float32Array(axis.points);
-    const scale = (told.high - told.low) / 65534;
-    for (let i = 0; i < axis.points; i++) {
-      const value = numbers[told.at + i];
-      this.values[i] = value === GAP ? NaN : told.low + (value + 32767) * scale;
+    this.length = axis.points;
+    this.low = told.low;
+    this.scale = (told.high - told.low) / 65534;
+    this.numbers = numbers.subarray(told.at, told.at + axis.points);
+    this.isZero = told.low === 0 && told.high === 0;
+  }
+
+  /** The value of a point. */
+  value(point) {
+    const packed = this.numbers[point];
+    return packed === GAP ? NaN : this.low + (packed + 32767) * this.scale;
+  }
+
+  /** Calls a function with every value and its time, gaps left out. */
+  each(look) {
+    for (let point = 0; point < this.length; point++) {
+      const value = this.value(point);
+      if (!Number.isNaN(value)) look(value, point * this.step);
     }
   }
 
   /** The value at a time, between its neighbours; not a number in a gap. */
   at(time) {
     const place = time / this.step;
-    const before = Math.min(Math.max(Math.floor(place), 0), this.values.length - 1);
-    const after = Math.min(before + 1, this.values.length - 1);
+    const before = Math.min(Math.max(Math.floor(place), 0), this.length - 1);
+    const after = Math.min(before + 1, this.length - 1);
     const share = Math.min(Math.max(place - before, 0), 1);
-    const [low, high] = [this.values[before], this.values[after]];
+    const [low, high] = [this.value(before), this.value(after)];
     return Number.isNaN(high) || share === 0 ? low : low + share * (high - low);
   }
 
   /** The point nearest to a time, as it was recorded. */
   sample(time) {
     const place = Math.round(time / this.step);
-    return this.values[Math.min(Math.max(place, 0), this.values.length - 1)];
+    return this.value(Math.min(Math.max(place, 0), this.length - 1));
   }
 }
 
@@ -114,17 +129,15 @@ class Story {
   criticalTime() {
     let best = { time: 0, value: Infinity };
     this.trucks.forEach((_, index) => {
-      const curve = this.truck(index, "obstacle_clearance_m");
-      curve?.values.forEach((value, i) => {
-        if (value < best.value) best = { time: i * curve.step, value };
+      this.truck(index, "obstacle_clearance_m")?.each((value, time) => {
+        if (value < best.value) best = { time, value };
       });
     });
     if (best.value < 50) return best.time;
     let worst = { time: 0, value: 0 };
     this.trucks.forEach((_, index) => {
-      const curve = this.truck(index, "predecessor_error_m");
-      curve?.values.forEach((value, i) => {
-        if (Math.abs(value) > worst.value) worst = { time: i * curve.step, value: Math.abs(value) };
+      this.truck(index, "predecessor_error_m")?.each((value, time) => {
+        if (Math.abs(value) > worst.value) worst = { time, value: Math.abs(value) };
       });
     });
     return worst.time;
@@ -136,11 +149,11 @@ class Story {
     this.trucks.forEach((_, index) => {
       const curve = this.truck(index, "y_m");
       if (!curve) return;
-      const home = curve.values[0];
-      curve.values.forEach((value, i) => {
+      const home = curve.value(0);
+      curve.each((value, time) => {
         if (Math.abs(value - home) > 0.6) {
-          from = Math.min(from, i * curve.step);
-          to = Math.max(to, i * curve.step);
+          from = Math.min(from, time);
+          to = Math.max(to, time);
         }
       });
     });
