@@ -298,6 +298,10 @@ step_rehearse() {
     }
     [[ -x $venv/bin/python ]] || leave_out "run.mcap not read by Python: run the install step"
     python tests/interop/mcap_readers.py "$trace"
+    # Frames from its tenth second on only.
+    "$platoon" rehearse obstacle-avoidance --virtual-time --rate-hz 100 --duration-s 25 \
+        --capture 'clearance<2' --out "$scratch/captured" >"$scratch/captured.txt" 2>&1 || true
+    python tests/interop/mcap_readers.py "$scratch/captured/run.mcap"
     python tests/interop/exported_run.py "$platoon" "$trace"
     python tests/interop/played_run.py "$platoon" "$trace"
 }

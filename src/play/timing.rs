@@ -66,8 +66,9 @@ struct Beside {
     net_of_floor_us: Net,
 }
 
-/// What of the 99th percentiles the machine does not explain, at least 0 \[µs\]: a frame can be sent
-/// no earlier than its thread is woken, and a gap is wrong by no more than one of its ends was late.
+/// What of the 99th percentiles the machine does not explain, at least 0 \[µs\]: a frame can be
+/// sent no earlier than its thread is woken, and a gap is wrong by no more than one of its ends was
+/// late.
 #[derive(Debug, Serialize)]
 struct Net {
     late_p99: f64,

@@ -313,7 +313,9 @@ def act_play(platoon, folder, source):
     p99_us = statistics.quantiles(wrong_us, n=100)[98]
     print(
         f"play: {count} frames on four buses as in the clean act; gaps wrong by p99 {p99_us:.0f} µs "
-        f"on the bus, {played['between_us']['p99']:.0f} µs at the player"
+        f"on the bus, {played['between_us']['p99']:.0f} µs at the player, where the machine alone "
+        f"was late by {played['machine_floor_us']['p99']:.0f} µs: "
+        f"{played['net_of_floor_us']['between_p99']:.0f} µs net"
     )
 
 

@@ -8,8 +8,9 @@ Checks, in this order: the file has its summary, attachments and metadata; every
 contract is there and every message decodes with the stock decoders; log times are in order;
 every raw frame of the contract has its decoded message, and each decoded signal equals what
 cantools makes of the raw frame with the attached .dbc (platoon.dbc, j1939.dbc or both), and a J1939
-signal that is not available has no value but says so. Exits with 1 and one line per finding
-when something differs, with 2 when the file cannot be read.
+signal that is not available has no value but says so. A run recorded with --capture has raw frames
+in the spans kept whole, and in those all of this holds; elsewhere it must have none. Exits with 1
+and one line per finding when something differs, with 2 when the file cannot be read.
 """
 
 import collections
@@ -39,6 +40,16 @@ def snake_case(name):
     return re.sub(r"(?<=[^_A-Z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name).lower()
 
 
+def spans_kept_whole(reader):
+    """Log times from and until which a run has its raw frames; None when it is whole."""
+    told = {record.name: record.metadata for record in reader.iter_metadata()}
+    if "platoon.capture" not in told:
+        return None
+    start_ns = int(told["platoon.merged"]["start_wall_ns"])
+    spans = re.findall(r"(\d+)-(\d+)", told["platoon.capture"]["spans_ns"])
+    return [(start_ns + int(begin), start_ns + int(end)) for begin, end in spans]
+
+
 class Check:
     def __init__(self, reader):
         self.findings = []
@@ -53,6 +64,7 @@ class Check:
             any(name.endswith(".toml") for name in attachments),
             "no scenario (.toml) is attached",
         )
+        self.whole = spans_kept_whole(reader)
         self.by_id, self.by_name = {}, {}
         for name in self.dbcs:
             text = attachments[name].data.decode()
@@ -63,9 +75,16 @@ class Check:
         if not holds:
             self.findings.append(text)
 
+    def has_frames(self, time_ns):
+        return self.whole is None or any(begin <= time_ns < end for begin, end in self.whole)
+
     def message(self, channel, message, decoded):
         self.counts[channel.topic] += 1
-        if re.fullmatch(r"/can/[^/]+/frames", channel.topic):
+        if not self.has_frames(message.log_time):
+            is_decoded = channel.topic.startswith(("/bus", "/world", "/scene", "/tf"))
+            is_tick = re.fullmatch(r"/ecu\d+/(tick|dropped)", channel.topic)
+            self.require(is_decoded or is_tick, f"{channel.topic}: outside of what was captured")
+        elif re.fullmatch(r"/can/[^/]+/frames", channel.topic):
             self.raw_frame(channel, message, decoded)
         elif re.fullmatch(r"/ecu\d+/rx", channel.topic):
             self.frame_fields(channel.topic, decoded)

@@ -100,7 +100,8 @@ def main(platoon, run):
     wrong_us = [1e6 * abs(a - b) for a, b in zip(asked, came)]
     p50_us, p99_us = statistics.median(wrong_us), statistics.quantiles(wrong_us, n=100)[98]
     print(f"play over udp: {len(heard)} frames as recorded; gaps wrong by p50 {p50_us:.0f}, p99 "
-          f"{p99_us:.0f} µs at the listener, {played['between_us']} at the player")
+          f"{p99_us:.0f} µs at the listener, {played['between_us']} at the player, machine alone "
+          f"{played['machine_floor_us']}, net {played['net_of_floor_us']}")
 
 
 if __name__ == "__main__":

@@ -102,6 +102,12 @@ fn a_run_leaves_its_products_and_nothing_else() {
     let expected =
         ["floor.json", "law.toml", "report.html", "run.mcap", "scenario.toml", "summary.json"];
     assert_eq!(names, expected);
+    let trace = run.trace();
+    let attached = trace.attachments().iter().find(|file| file.name == "floor.json");
+    let json = |bytes: &[u8]| serde_json::from_slice::<Value>(bytes).expect("JSON");
+    let beside = fs::read(run.out().join("floor.json")).expect("it was listed");
+    let floor = json(&attached.expect("the trace has the floor, too").data);
+    assert_eq!(floor, json(&beside));
 }
 
 #[test]
