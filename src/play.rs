@@ -32,6 +32,8 @@ const BATCHES_AHEAD: usize = 256;
 const RUN_UP_NS: u64 = 200_000_000;
 /// Longest sleep before Ctrl-C is looked at \[ns\].
 const LOOK_NS: u64 = 100_000_000;
+/// Time to the next frame from which on there is time for anything else \[ns\].
+const SPARE_NS: u64 = 300_000;
 /// Pause between the end and the next beginning of a loop, in bench time \[ns\].
 const BETWEEN_LOOPS_NS: u64 = 1_000_000;
 /// How often the machine is asked how late it is \[ns\].
@@ -213,39 +215,44 @@ impl<'a> Player<'a> {
         for batch in std::iter::once(first).chain(batches.iter()) {
             for (time_ns, record) in batch {
                 let due_ns = start_ns + (time_ns as f64 / self.speed) as u64;
-                if !self.sleep_until(due_ns) {
-                    return Ok(());
-                }
-                self.send(due_ns, &record)?;
+                let Some(sent_ns) = self.wait_until(due_ns) else { return Ok(()) };
+                self.send(due_ns, sent_ns, &record)?;
             }
         }
         Ok(())
     }
 
-    /// False when somebody stopped it.
-    fn sleep_until(&self, due_ns: u64) -> bool {
+    /// The time once it has come; none when somebody stopped it.
+    fn wait_until(&mut self, due_ns: u64) -> Option<u64> {
         loop {
             if self.stop.load(Ordering::Relaxed) {
-                return false;
+                return None;
             }
             let now_ns = self.clock.now_ns();
             if now_ns >= due_ns {
-                return true;
+                return Some(now_ns);
+            }
+            if due_ns - now_ns > SPARE_NS {
+                self.discard_received();
             }
             self.clock.sleep_until_ns(due_ns.min(now_ns + LOOK_NS));
         }
     }
 
-    fn send(&mut self, due_ns: u64, record: &FrameRecord) -> Result<(), Failure> {
+    /// Nobody reads this end; what others send is not to fill its buffers.
+    fn discard_received(&mut self) {
+        for bus in self.buses.values_mut() {
+            while let Ok(Some(_)) = bus.receive() {}
+        }
+    }
+
+    fn send(&mut self, due_ns: u64, sent_ns: u64, record: &FrameRecord) -> Result<(), Failure> {
         if !self.buses.contains_key(&record.bus) {
             self.buses.insert(record.bus, self.choice.open(record.bus)?);
         }
         let Some(bus) = self.buses.get_mut(&record.bus) else { return Ok(()) };
-        let sent_ns = self.clock.now_ns();
         let is_refused = bus.send(&record.frame).is_err();
         self.timing.note(record.bus, due_ns, sent_ns, is_refused);
-        // Nobody reads this end; what others send is not to fill its buffer.
-        while let Ok(Some(_)) = bus.receive() {}
         Ok(())
     }
 }

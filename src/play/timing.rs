@@ -121,7 +121,7 @@ impl fmt::Display for Beside {
         let Net { late_p99, between_p99 } = self.net_of_floor_us;
         writeln!(
             f,
-            "  machine alone p50 {p50:.0}, p99 {p99:.0}, p99.9 {p999:.0}, at most {max:.0} µs"
+            "  machine late  p50 {p50:.0}, p99 {p99:.0}, p99.9 {p999:.0}, at most {max:.0} µs"
         )?;
         writeln!(f, "  net of it     p99 {late_p99:.0} late, {between_p99:.0} µs of gaps")
     }
