@@ -99,6 +99,20 @@ impl Cell {
         })
     }
 
+    /// What is run.
+    pub fn experiment(&self) -> Experiment<'_> {
+        Experiment {
+            scenario: &self.scenario,
+            calibration: self.calibration,
+            gain_id: self.gain_id,
+            solver: self.solver,
+            rate_hz: self.rate_hz,
+            seed: self.seed,
+            without_emergency_braking: self.without_emergency_braking,
+            faults: &self.faults,
+        }
+    }
+
     /// Bench time it covers \[s\].
     fn duration_s(&self) -> f64 {
         self.scenario.duration_s
@@ -191,21 +205,11 @@ pub fn run(
 
 /// Runs one cell.
 fn one(cell: &Cell, stop: &Arc<AtomicBool>) -> Result<Outcome, Failure> {
-    let experiment = Experiment {
-        scenario: &cell.scenario,
-        calibration: cell.calibration,
-        gain_id: cell.gain_id,
-        solver: cell.solver,
-        rate_hz: cell.rate_hz,
-        seed: cell.seed,
-        without_emergency_braking: cell.without_emergency_braking,
-        faults: &cell.faults,
-    };
     let overheard = Overheard::of(cell.scenario.platoon.trucks);
     let mut sampler = Sampler::new(cell, &overheard);
     let wrap = Box::new(|truck, law| overheard.wrap(truck, law));
     let mut watch = |rig: &_| sampler.see(rig);
-    let observed = observe(&experiment, Arc::clone(stop), None, wrap, &mut watch)?;
+    let observed = observe(&cell.experiment(), Arc::clone(stop), None, wrap, &mut watch)?;
     let (trajectory, spawn_clearance_m) = sampler.end();
     Ok(Outcome { results: observed.results, ecus: observed.ecus, trajectory, spawn_clearance_m })
 }

@@ -108,28 +108,12 @@ impl<C: Clock + Send> Bus for Feed<C> {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicU64, Ordering};
-
     use platoon_dbc::FrameFlags;
 
     use super::*;
+    use crate::clock::SleptClock;
 
     const MS: u64 = 1_000_000;
-
-    /// A clock that moves only when slept on or set.
-    #[derive(Clone, Default)]
-    struct SetClock(Arc<AtomicU64>);
-
-    impl Clock for SetClock {
-        fn now_ns(&self) -> u64 {
-            self.0.load(Ordering::Relaxed)
-        }
-
-        fn sleep_until_ns(&self, deadline_ns: u64) {
-            self.0.fetch_max(deadline_ns, Ordering::Relaxed);
-        }
-    }
 
     fn frame(id: u32) -> Frame {
         Frame::new(id, FrameFlags::default(), &[]).expect("valid")
@@ -137,13 +121,13 @@ mod tests {
 
     #[test]
     fn frames_arrive_at_their_times_and_not_before() {
-        let clock = SetClock::default();
+        let clock = SleptClock::default();
         let mut feed = Feed::of(vec![(0, frame(1)), (MS, frame(2)), (MS, frame(3))], clock.clone());
         assert_eq!(feed.receive(), Ok(None), "nobody has waited yet");
         while feed.wait(Duration::from_millis(10)) == Ok(false) {}
         let start_ns = clock.now_ns();
         assert_eq!(start_ns, RUN_UP_NS);
-        let received = |feed: &mut Feed<SetClock>| {
+        let received = |feed: &mut Feed<SleptClock>| {
             feed.receive().expect("up").map(|got| (got.frame.id(), got.stamp_ns - start_ns))
         };
         assert_eq!((received(&mut feed), received(&mut feed)), (Some((1, 0)), None));

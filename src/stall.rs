@@ -23,10 +23,7 @@ impl Stall {
         }
         self.steps += 1;
         if self.steps.is_multiple_of(self.every) {
-            let until_ns = self.clock.now_ns() + self.lasts_ns;
-            while self.clock.now_ns() < until_ns {
-                std::hint::spin_loop();
-            }
+            self.clock.compute_until_ns(self.clock.now_ns() + self.lasts_ns);
         }
     }
 }

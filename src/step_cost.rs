@@ -13,11 +13,11 @@ use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
 use crate::campaign::Cell;
-use crate::cli::{SolverKind, StepCostArgs};
+use crate::cli::StepCostArgs;
 use crate::failure::Failure;
 use crate::process;
 use crate::progress::ProgressLine;
-use crate::rehearse::virtual_time::{Experiment, observe};
+use crate::rehearse::virtual_time::observe;
 
 /// What the paper reports for a step on its target machine \[µs\] [MCF, section V].
 const PAPER_US: f64 = 1_100.0;
@@ -59,30 +59,21 @@ pub fn run(args: &StepCostArgs) -> Result<(), Failure> {
     if let Some(path) = &args.json {
         process::check_parent("--json", path)?;
     }
-    let cell = Cell::new(&args.scenario, &args.set, None, args.rate_hz)?;
-    let cost = measure(&cell, args.seed)?;
+    let cell =
+        Cell { seed: args.seed, ..Cell::new(&args.scenario, &args.set, None, args.rate_hz)? };
+    let cost = measure(&cell)?;
     cost.print();
     args.json.as_ref().map_or(Ok(()), |path| process::write_json(path, &cost))
 }
 
-fn measure(cell: &Cell, seed: u64) -> Result<StepCost, Failure> {
-    let experiment = Experiment {
-        scenario: &cell.scenario,
-        calibration: cell.calibration,
-        gain_id: 0,
-        solver: SolverKind::ActiveSet,
-        rate_hz: cell.rate_hz,
-        seed,
-        without_emergency_braking: false,
-        faults: &[],
-    };
+fn measure(cell: &Cell) -> Result<StepCost, Failure> {
     let trucks = cell.scenario.platoon.trucks;
     let steps = (cell.scenario.duration_s * f64::from(cell.rate_hz)) as usize + 1;
     let times: Vec<Times> =
         (0..trucks).map(|_| Arc::new(Mutex::new(Vec::with_capacity(steps)))).collect();
     let wrap = Box::new(|truck: u8, law| timed(law, Arc::clone(&times[usize::from(truck)])));
     let (stop, line) = (process::stop_flag()?, ProgressLine::new(cell.scenario.duration_s));
-    observe(&experiment, Arc::clone(&stop), Some(&line), wrap, &mut |_| ())?;
+    observe(&cell.experiment(), Arc::clone(&stop), Some(&line), wrap, &mut |_| ())?;
     if stop.load(std::sync::atomic::Ordering::Relaxed) {
         return Err(Failure::cannot_start("interrupted: the run is not whole"));
     }
@@ -94,7 +85,7 @@ fn measure(cell: &Cell, seed: u64) -> Result<StepCost, Failure> {
     Ok(StepCost {
         scenario: cell.scenario.name.clone(),
         rate_hz: cell.rate_hz,
-        seed,
+        seed: cell.seed,
         clock_us: clock_us(),
         costs,
     })
@@ -219,7 +210,7 @@ mod tests {
         let sets = [("duration_s", "0.5"), ("platoon.trucks", "2")];
         let sets = sets.map(|(key, value)| (key.to_owned(), value.to_owned()));
         let cell = Cell::new("obstacle-avoidance", &sets, None, 50).expect("a scenario of ours");
-        let cost = measure(&cell, 1).expect("it runs");
+        let cost = measure(&cell).expect("it runs");
         let steps: Vec<(Option<usize>, usize)> =
             cost.costs.iter().map(|cost| (cost.truck, cost.steps)).collect();
         assert_eq!(steps, [(Some(0), 25), (Some(1), 25), (None, 50)]);

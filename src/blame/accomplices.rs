@@ -10,7 +10,6 @@ use platoon_dbc::{
 };
 use vcan_setup::realtime::{self, Policy, Request};
 
-use super::conductor::compute_until;
 use super::strikes::{Arm, StrikeLog};
 use crate::clock::HostClock;
 use crate::failure::Failure;
@@ -72,7 +71,7 @@ impl Hog {
         while order.arm.wait(stop) {
             clock.sleep_until_ns(clock.now_ns() + self.delay_ns);
             let from_ns = clock.now_ns();
-            compute_until(from_ns + order.lasts_ns);
+            clock.compute_until_ns(from_ns + order.lasts_ns);
             order.log.note(from_ns);
         }
         Ok(())

@@ -57,19 +57,12 @@ impl Conductor {
         let from_ns = clock.now_ns();
         match &self.means {
             Means::Nothing => return,
-            Means::Computing(lasts_ns) => compute_until(from_ns + lasts_ns),
+            Means::Computing(lasts_ns) => clock.compute_until_ns(from_ns + lasts_ns),
             Means::TouchingMemory(lasts_ns) => touch_memory_until(from_ns + lasts_ns),
             // Who strikes notes it.
             Means::Asking(arm) => return arm.raise(),
         }
         self.log.note(from_ns);
-    }
-}
-
-/// Keeps the CPU until then.
-pub fn compute_until(until_ns: u64) {
-    while HostClock::default().now_ns() < until_ns {
-        std::hint::spin_loop();
     }
 }
 

@@ -160,12 +160,10 @@ fn wait(mut child: Child, limit: Duration, stop: &AtomicBool) -> Result<(), Fail
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-    use std::sync::atomic::AtomicU64;
 
+    use crate::clock::SleptClock;
     use clap::Parser;
     use controller_rt::{Config, Ecu, Ending};
-    use platoon_dbc::Clock;
 
     use super::*;
     use crate::calibration;
@@ -173,20 +171,6 @@ mod tests {
     use crate::deadline::load::Load;
     use crate::deadline::plan::Subject;
     use crate::feed::Feed;
-
-    /// A clock that moves only when slept on: everything takes no time.
-    #[derive(Clone, Default)]
-    struct SleptClock(Arc<AtomicU64>);
-
-    impl Clock for SleptClock {
-        fn now_ns(&self) -> u64 {
-            self.0.load(Ordering::Relaxed)
-        }
-
-        fn sleep_until_ns(&self, deadline_ns: u64) {
-            self.0.fetch_max(deadline_ns, Ordering::Relaxed);
-        }
-    }
 
     /// What a cell of one second at 100 Hz runs.
     fn rehearsal() -> RehearseArgs {

@@ -14,9 +14,11 @@ mod excess;
 mod factors;
 mod kkt;
 mod row;
+mod search;
 
-pub use active_set::{ActiveSet, ITERATIONS_MAX};
+pub use active_set::ActiveSet;
 pub use kkt::kkt_residual;
+pub use search::ITERATIONS_MAX;
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
