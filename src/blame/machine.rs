@@ -88,11 +88,8 @@ pub fn run(args: &BlameArgs, kind: Kind) -> Result<(), Failure> {
     // Threads that are started from here on stay out of the ECU's way.
     let _aside = realtime::acquire(&machine.request(None, machine.rig_cpu));
     let log = PauseLog::new().map_err(Failure::cannot_start)?;
-    let sentinel = FloorOptions {
-        cpus: environment().online_cpus,
-        period_ns: machine.period_ns,
-        priority: Some(RIG_PRIORITY + 1),
-    };
+    let cpus = environment().online_cpus;
+    let sentinel = FloorOptions::beside(machine.period_ns, cpus, RIG_PRIORITY + 1);
     let sentinel = Sentinel::start_noting(&sentinel, Some(&log)).map_err(Failure::cannot_start)?;
     let rig_end = machine.rig_end(bus.open_for_rig(TRUCK)?);
     let mut rig = Rig::new(&scenario, 1, kind.rate_hz(args.rate_hz), vec![rig_end], None)

@@ -26,8 +26,6 @@ const TRUCK: u8 = 1;
 const GRACE: Duration = Duration::from_secs(10);
 /// How often its end is looked for.
 const LOOK: Duration = Duration::from_millis(20);
-/// Shortest period of the sentinel \[ns\]: at a shorter one it would be a load itself.
-const SENTINEL_PERIOD_NS_MIN: u64 = 100_000;
 
 /// Runs in virtual time, of which ECUs are given what they received; one for each rate.
 #[derive(Default)]
@@ -75,11 +73,9 @@ pub fn time(
     let cpu = args.timing.cpus.of_ecu(&online, truck);
     let pauses = PauseLog::new()
         .map_err(|error| Failure::cannot_start(format!("cannot log pauses: {error}")))?;
-    let options = FloorOptions {
-        cpus: cpu.map_or(online, |cpu| vec![cpu]),
-        period_ns: (1_000_000_000 / u64::from(cell.rate_hz)).max(SENTINEL_PERIOD_NS_MIN),
-        priority: Some(process::RIG_PRIORITY + 1),
-    };
+    let watched = cpu.map_or(online, |cpu| vec![cpu]);
+    let period_ns = 1_000_000_000 / u64::from(cell.rate_hz);
+    let options = FloorOptions::beside(period_ns, watched, process::RIG_PRIORITY + 1);
     let sentinel =
         Sentinel::start_noting(&options, Some(&pauses)).map_err(Failure::cannot_start)?;
     let mut words = arguments(args, truck, ecus, (feed, folder));

@@ -131,8 +131,6 @@ fn worst(ecus: &[Report]) -> Vec<Miss> {
 /// What was lost, why, and what the machine did, in words.
 fn evidence(timing: &Timing, causes: &BTreeMap<String, Lapses>, floor: &Floor) -> String {
     let percent = |share: f64| format!("{:.3}", 100.0 * share);
-    let (least, most) = timing.lost_share;
-    let Percentiles { max_us, .. } = floor.percentiles();
     let mut words = format!("{} of {} slots lost", timing.lost, timing.slots);
     if timing.lost > 0 {
         let word = |(cause, lapses): (&String, &Lapses)| match lapses.times {
@@ -142,16 +140,14 @@ fn evidence(timing: &Timing, causes: &BTreeMap<String, Lapses>, floor: &Floor) -
         let causes: Vec<String> = causes.iter().map(word).collect();
         words += &format!(" ({})", causes.join(", "));
     }
-    let (_, late) = timing.floor_share;
+    let (least, most) = timing.net_share;
+    let (least, most, allowed) = (percent(least), percent(most), percent(timing.allowed_share));
+    words += &format!(": {least} to {most} % net of pauses, allowed {allowed} %");
+    let Percentiles { max_us, .. } = floor.percentiles();
+    words += &format!("; sentinel up to {:.2} ms late", max_us / 1e3);
     let slack_us = timing.ecus.iter().map(|ecu| ecu.slack_us).fold(f64::INFINITY, f64::min);
-    words += &format!(
-        ": {} to {} %, allowed {} %; sentinel up to {:.2} ms late",
-        percent(least),
-        percent(most),
-        percent(timing.allowed_share),
-        max_us / 1e3
-    );
     if slack_us.is_finite() {
+        let (_, late) = timing.floor_share;
         words += &format!(", {} % at most more than {slack_us:.0} µs", percent(late));
     }
     words

@@ -55,6 +55,7 @@ pub fn text(deadline: &Deadline) -> String {
     for sustained in deadline.sustained.iter().filter(|sustained| sustained.load.is_none()) {
         let _ = writeln!(page, "{}", sustains(deadline, sustained));
     }
+    page.extend(taken(deadline));
     let (style, word) = styled(deadline.verdict);
     let _ = write!(
         page,
@@ -93,6 +94,7 @@ pub fn markdown(deadline: &Deadline) -> String {
     for sustained in &deadline.sustained {
         let _ = writeln!(page, "- {}", sustains(deadline, sustained));
     }
+    page.extend(taken(deadline).map(|words| format!("- {words}")));
     for outcome in deadline.cells.iter().filter(|cell| cell.verdict != TimingVerdict::Pass) {
         let cell = &outcome.cell;
         let (rate_hz, load, word) = (cell.rate_hz, cell.load.word(), styled(outcome.verdict).1);
@@ -151,6 +153,19 @@ fn sustains(deadline: &Deadline, sustained: &Sustained) -> String {
     });
     let rate = sustained.rate_hz.map_or("no rate for sure".to_owned(), |hz| format!("{hz} Hz"));
     format!("{}, {load}: sustains {rate}", title(deadline, sustained.subject))
+}
+
+/// What the machine took from cells that pass nevertheless.
+fn taken(deadline: &Deadline) -> Option<String> {
+    let passed = deadline.cells.iter().filter(|cell| cell.verdict == TimingVerdict::Pass);
+    let share = |cell: &CellOutcome| cell.timing.denied as f64 / cell.timing.slots.max(1) as f64;
+    let most = passed.map(share).fold(0.0, f64::max);
+    let words = format!(
+        "Where it passes, the machine itself took up to {:.2} % of the slots by standing still; \
+         they count for nobody\n",
+        100.0 * most
+    );
+    (most > 0.0).then_some(words)
 }
 
 fn styled(verdict: TimingVerdict) -> (Style, &'static str) {

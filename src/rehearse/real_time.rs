@@ -141,11 +141,8 @@ fn start_dashboard(plan: &Plan<'_>, folder: &RunFolder) -> Result<Option<Dashboa
 ///
 /// It outranks the processes under test, so that none of them can make it late.
 fn sentinel_options(plan: &Plan<'_>) -> FloorOptions {
-    FloorOptions {
-        cpus: environment().online_cpus,
-        period_ns: 1_000_000_000 / u64::from(plan.rate_hz),
-        priority: Some(process::RIG_PRIORITY + 1),
-    }
+    let period_ns = 1_000_000_000 / u64::from(plan.rate_hz);
+    FloorOptions::beside(period_ns, environment().online_cpus, process::RIG_PRIORITY + 1)
 }
 
 /// The machine's floor while nothing of the run is there.

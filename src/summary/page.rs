@@ -229,7 +229,14 @@ fn timing(page: &mut String, summary: &Summary) -> std::fmt::Result {
         }
         TimingVerdict::Virtual => (GOOD, "virtual time, no deadlines"),
     };
-    writeln!(page, "timing {style}{words}{style:#}")
+    let denied = summary.timing.as_ref().map_or(0, |timing| timing.denied);
+    let but = match (summary.timing_verdict, denied) {
+        (TimingVerdict::Pass, 1..) => {
+            format!(", but for {denied} slots that pauses of this machine took")
+        }
+        _ => String::new(),
+    };
+    writeln!(page, "timing {style}{words}{but}{style:#}")
 }
 
 /// The worst misses of all ECUs, with where their time went.

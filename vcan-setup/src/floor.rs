@@ -30,7 +30,11 @@ const DIGITS: u8 = 3;
 /// counts at the lateness of the last of these, an upper bound for each of them.
 const SLEPT_THROUGH_EACH_MAX: u64 = 1_000_000;
 /// Lateness \[ns\] from which a wake-up counts as a pause of the machine.
-pub const PAUSE_NS_MIN: u64 = 150_000;
+const PAUSE_NS_MIN: u64 = 100_000;
+/// Wake-ups of a sentinel in one period of the loop that it stands beside.
+const WAKES_PER_LOOP: u64 = 4;
+/// Shortest period \[ns\] it is given for that: beside faster loops it would disturb.
+const BESIDE_PERIOD_NS_MIN: u64 = 125_000;
 /// Nanoseconds in a microsecond.
 const NS_PER_US: f64 = 1e3;
 
@@ -43,6 +47,25 @@ pub struct FloorOptions {
     pub period_ns: u64,
     /// SCHED_FIFO priority of the threads; `None` for ordinary scheduling.
     pub priority: Option<u8>,
+}
+
+impl FloorOptions {
+    /// A sentinel beside a loop of this period \[ns\].
+    ///
+    /// It wakes several times in a period, because it does not see a pause that begins and ends
+    /// between two of its wake-ups, and the loop may.
+    #[must_use]
+    pub fn beside(loop_period_ns: u64, cpus: Vec<usize>, priority: u8) -> Self {
+        let wished_ns = (loop_period_ns / WAKES_PER_LOOP).max(BESIDE_PERIOD_NS_MIN);
+        let period_ns = wished_ns.min(loop_period_ns).max(PERIOD_NS_MIN);
+        Self { cpus, period_ns, priority: Some(priority) }
+    }
+
+    /// Longest pause \[ns\] that such a sentinel may fail to note.
+    #[must_use]
+    pub const fn unseen_ns(&self) -> u64 {
+        self.period_ns + PAUSE_NS_MIN
+    }
 }
 
 /// Why a measurement could not start.
