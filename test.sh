@@ -347,8 +347,10 @@ step_socketcan() {
 }
 
 # The long sweeps of --long. A test belongs here when it is ignored and its name begins with heavy_.
+# The benchmarks run too, so that none of them rots; their figures decide nothing.
 step_heavy() {
     cargo test --locked --release --workspace --no-fail-fast -- --ignored heavy_
+    cargo bench --locked --workspace --bench codec --bench inbox --bench law --bench recorder
 }
 
 # ---------------------------------------------------------------- running them
