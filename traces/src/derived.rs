@@ -21,8 +21,12 @@ use crate::truth::TruthRecord;
 pub enum Derived {
     /// `/bus<i>/<Message>`: signals of the frames of bus i.
     Signals(u8, &'static MessageInfo),
-    /// `/scene`.
+    /// `/scene`: trucks and obstacles.
     Scene,
+    /// `/scene/road`.
+    Road,
+    /// `/scene/field`: the potential fields.
+    Field,
     /// `/tf`.
     Transform,
 }
@@ -34,6 +38,8 @@ impl Derived {
         match self {
             Self::Signals(bus, info) => format!("/bus{bus}/{}", info.name),
             Self::Scene => "/scene".into(),
+            Self::Road => "/scene/road".into(),
+            Self::Field => "/scene/field".into(),
             Self::Transform => "/tf".into(),
         }
     }
@@ -43,7 +49,9 @@ impl Derived {
         match self {
             Self::Signals(bus, info) => (bus, info.id),
             Self::Scene => (u8::MAX, 0),
-            Self::Transform => (u8::MAX, 1),
+            Self::Road => (u8::MAX, 1),
+            Self::Field => (u8::MAX, 2),
+            Self::Transform => (u8::MAX, 3),
         }
     }
 
@@ -55,7 +63,7 @@ impl Derived {
                 message_encoding: "protobuf",
                 data: signals::descriptor_set(info),
             },
-            Self::Scene => Schema::protobuf::<SceneUpdate>(),
+            Self::Scene | Self::Road | Self::Field => Schema::protobuf::<SceneUpdate>(),
             Self::Transform => Schema::protobuf::<FrameTransform>(),
         }
     }
@@ -63,7 +71,7 @@ impl Derived {
     pub(crate) fn metadata(self) -> BTreeMap<String, String> {
         match self {
             Self::Signals(_, info) => signals::channel_metadata(info),
-            Self::Scene | Self::Transform => BTreeMap::new(),
+            Self::Scene | Self::Road | Self::Field | Self::Transform => BTreeMap::new(),
         }
     }
 }
@@ -157,9 +165,18 @@ impl Derivation {
         if let Some(transform) = scene::transform(&truth, log_time_ns) {
             transform.encode(buffer);
             take(Derived::Transform, buffer)?;
-            buffer.clear();
         }
-        scene::update(&truth, &self.scenery, log_time_ns).encode(buffer);
-        take(Derived::Scene, buffer)
+        let updates = [
+            (Derived::Scene, Some(scene::traffic(&truth, log_time_ns))),
+            (Derived::Road, scene::road(&truth, &self.scenery, log_time_ns)),
+            (Derived::Field, scene::field(&truth, &self.scenery, log_time_ns)),
+        ];
+        for (derived, update) in updates {
+            let Some(update) = update else { continue };
+            buffer.clear();
+            update.encode(buffer);
+            take(derived, buffer)?;
+        }
+        Ok(())
     }
 }

@@ -15,15 +15,6 @@ message! {
 }
 
 message! {
-    /// A span of time.
-    #[derive(Debug, Clone, PartialEq, Default)]
-    pub(crate) struct Duration = "google.protobuf.Duration" {
-        1 seconds: i64,
-        2 nanos: i32,
-    }
-}
-
-message! {
     /// A vector or a size \[m\].
     #[derive(Debug, Clone, PartialEq, Default)]
     pub(crate) struct Vector3 = "foxglove.Vector3" {
@@ -110,13 +101,12 @@ message! {
 }
 
 message! {
-    /// One thing in the scene.
+    /// One thing in the scene; without a lifetime it stays until it is replaced or deleted.
     #[derive(Debug, Clone, PartialEq, Default)]
     pub(crate) struct SceneEntity = "foxglove.SceneEntity" {
         1 timestamp: Timestamp,
         2 frame_id: String,
         3 id: String,
-        4 lifetime: Duration,
         8 cubes: Vec<CubePrimitive>,
         11 lines: Vec<LinePrimitive>,
         13 texts: Vec<TextPrimitive>,
@@ -124,9 +114,19 @@ message! {
 }
 
 message! {
-    /// Things to add or replace.
+    /// A thing to remove; its second field, not written here, would remove everything.
+    #[derive(Debug, Clone, PartialEq, Default)]
+    pub(crate) struct SceneEntityDeletion = "foxglove.SceneEntityDeletion" {
+        1 timestamp: Timestamp,
+        3 id: String,
+    }
+}
+
+message! {
+    /// Things to remove, and things to add or replace.
     #[derive(Debug, Clone, PartialEq, Default)]
     pub(crate) struct SceneUpdate = "foxglove.SceneUpdate" {
+        1 deletions: Vec<SceneEntityDeletion>,
         2 entities: Vec<SceneEntity>,
     }
 }
@@ -144,25 +144,13 @@ message! {
 }
 
 message_field! {
-    Timestamp, Duration, Vector3, Quaternion, Pose, Color,
+    Timestamp, Vector3, Quaternion, Pose, Color,
 }
 
 impl Timestamp {
     /// The instant so long after 1970.
     pub(crate) const fn of(time_ns: u64) -> Self {
-        let (seconds, nanos) = split(time_ns);
-        Self { seconds, nanos }
+        let (seconds, nanos) = (time_ns / 1_000_000_000, time_ns % 1_000_000_000);
+        Self { seconds: seconds as i64, nanos: nanos as i32 }
     }
-}
-
-impl Duration {
-    /// The span of so many nanoseconds.
-    pub(crate) const fn of(span_ns: u64) -> Self {
-        let (seconds, nanos) = split(span_ns);
-        Self { seconds, nanos }
-    }
-}
-
-const fn split(time_ns: u64) -> (i64, i32) {
-    ((time_ns / 1_000_000_000) as i64, (time_ns % 1_000_000_000) as i32)
 }

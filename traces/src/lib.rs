@@ -15,7 +15,7 @@
 //! | `/world/truth` | protobuf | rig | [`TruthRecord`] |
 //! | `/rig/dropped`, `/ecu<i>/dropped` | protobuf | each | gaps, [`DroppedRecord`] |
 //! | `/bus<i>/<Message>` | protobuf | merge | signals of `platoon.dbc`; units in channel metadata |
-//! | `/scene` | protobuf | merge | `foxglove.SceneUpdate` at 20 Hz |
+//! | `/scene`, `/scene/road`, `/scene/field` | protobuf | merge | `foxglove.SceneUpdate` |
 //! | `/tf` | protobuf | merge | `foxglove.FrameTransform` of the frame `platoon`, at 20 Hz |
 //!
 //! Log and publish time are the wall clock at the run's start plus bench time; the kernel's receive

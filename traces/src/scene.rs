@@ -1,11 +1,15 @@
 //! The world as boxes and lines: `foxglove.SceneUpdate`, for the 3D panels of Foxglove and
 //! Lichtblick, and the frame by which a camera follows the platoon.
 //!
+//! A viewer that jumps to an instant takes the newest message of each topic and forgets all else.
+//! So what is drawn at a period of its own has a topic of its own, and every message is whole.
+//! Nothing has a lifetime: a viewer counts it on its own clock, of which a live view is behind.
+//!
 //! Heights and colours are for the eye only; nothing else in the trace has them.
 
 use crate::foxglove::{
-    Color, CubePrimitive, Duration, FrameTransform, LinePrimitive, Point3, Pose, Quaternion,
-    SceneEntity, SceneUpdate, TextPrimitive, Timestamp, Vector3,
+    Color, CubePrimitive, FrameTransform, LinePrimitive, Point3, Pose, Quaternion, SceneEntity,
+    SceneEntityDeletion, SceneUpdate, TextPrimitive, Timestamp, Vector3,
 };
 use crate::scenery::Scenery;
 use crate::truth::{ObstacleKind, ObstacleTruth, TruckTruth, TruthRecord};
@@ -19,8 +23,6 @@ pub(crate) const PERIOD_NS: u64 = 50_000_000;
 /// Time between two drawings of the road, and of the potential field.
 const ROAD_PERIOD_NS: u64 = 1_000_000_000;
 const FIELD_PERIOD_NS: u64 = 200_000_000;
-/// How long a thing stays without an update, in its periods; so that gone obstacles vanish.
-const LIFETIME_PERIODS: u64 = 4;
 const TRUCK_HEIGHT_M: f64 = 3.5;
 /// How far the road reaches ahead of the leader and behind the last truck \[m\].
 const ROAD_AHEAD_M: f64 = 250.0;
@@ -30,6 +32,9 @@ const DASHES_M: f64 = 12.0;
 /// Shares of the safe distance at which the potential field has a contour, and points of each.
 const CONTOURS: [f64; 3] = [1.0, 0.7, 0.45];
 const CONTOUR_POINTS: usize = 40;
+/// Thickness of lines and height of letters on the screen.
+const LINE_PX: f64 = 2.0;
+const LABEL_PX: f64 = 13.0;
 
 const TRUCK_COLOR: Color = Color { r: 0.16, g: 0.42, b: 0.76, a: 1.0 };
 const LEADER_COLOR: Color = Color { r: 0.10, g: 0.60, b: 0.42, a: 1.0 };
@@ -38,14 +43,47 @@ const ROAD_COLOR: Color = Color { r: 0.22, g: 0.24, b: 0.27, a: 1.0 };
 const MARKING_COLOR: Color = Color { r: 0.85, g: 0.85, b: 0.85, a: 1.0 };
 const FIELD_COLOR: Color = Color { r: 0.95, g: 0.45, b: 0.15, a: 1.0 };
 
-/// What is seen of a world state, `log_time_ns` after 1970. The road and the field change slowly
-/// and are not in every update.
-pub(crate) fn update(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> SceneUpdate {
-    let is_due = |period_ns: u64| truth.time_ns % period_ns < PERIOD_NS;
-    let road = is_due(ROAD_PERIOD_NS).then(|| road(truth, scenery, log_time_ns)).flatten();
-    let field = is_due(FIELD_PERIOD_NS).then(|| field(truth, scenery, log_time_ns)).flatten();
-    let boxes = boxes(truth, log_time_ns);
-    SceneUpdate { entities: boxes.into_iter().chain(road).chain(field).collect() }
+/// The trucks and the obstacles of a world state, `log_time_ns` after 1970.
+pub(crate) fn traffic(truth: &TruthRecord, log_time_ns: u64) -> SceneUpdate {
+    let absent = truth.obstacles.iter().filter(|obstacle| !obstacle.present);
+    let deletions = absent.map(|obstacle| SceneEntityDeletion {
+        timestamp: Timestamp::of(log_time_ns),
+        id: obstacle_id(obstacle),
+    });
+    SceneUpdate { deletions: deletions.collect(), entities: boxes(truth, log_time_ns) }
+}
+
+/// The road around the platoon, when it is due.
+pub(crate) fn road(
+    truth: &TruthRecord,
+    scenery: &Scenery,
+    log_time_ns: u64,
+) -> Option<SceneUpdate> {
+    is_due(truth, ROAD_PERIOD_NS)
+        .then(|| road_around(truth, scenery, log_time_ns))
+        .flatten()
+        .map(alone)
+}
+
+/// The potential fields around the obstacles, when they are due.
+pub(crate) fn field(
+    truth: &TruthRecord,
+    scenery: &Scenery,
+    log_time_ns: u64,
+) -> Option<SceneUpdate> {
+    is_due(truth, FIELD_PERIOD_NS)
+        .then(|| contours(truth, scenery, log_time_ns))
+        .flatten()
+        .map(alone)
+}
+
+/// Whether a world state is the first one shown of a period.
+fn is_due(truth: &TruthRecord, period_ns: u64) -> bool {
+    truth.time_ns % period_ns < PERIOD_NS
+}
+
+fn alone(entity: SceneEntity) -> SceneUpdate {
+    SceneUpdate { entities: vec![entity], ..SceneUpdate::default() }
 }
 
 /// Where the platoon is on the road; none without trucks.
@@ -67,11 +105,11 @@ fn extent(truth: &TruthRecord) -> Option<(f64, f64)> {
 }
 
 /// Edges, lane lines and surface of the road around the platoon.
-fn road(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
+fn road_around(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
     let [right_m, left_m] = scenery.edges_m?;
     let (rear_m, front_m) = extent(truth)?;
     let (from_m, to_m) = (rear_m - ROAD_AHEAD_M, front_m + ROAD_AHEAD_M);
-    let edge = |y_m: f64| line(0.2, MARKING_COLOR, [(from_m, y_m), (to_m, y_m)]);
+    let edge = |y_m: f64| line(MARKING_COLOR, [(from_m, y_m), (to_m, y_m)]);
     let first = (from_m / DASHES_M).floor() as i64;
     let dashes = ((to_m - from_m) / DASHES_M) as i64;
     let dash = |y_m: f64, number: i64| CubePrimitive {
@@ -89,12 +127,12 @@ fn road(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<Scen
     Some(SceneEntity {
         cubes: std::iter::once(surface).chain(dashed).collect(),
         lines: vec![edge(right_m), edge(left_m)],
-        ..empty("road".into(), log_time_ns, ROAD_PERIOD_NS)
+        ..empty("road".into(), log_time_ns)
     })
 }
 
 /// Contours of the potential field around each obstacle, as the truck nearest behind feels it.
-fn field(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
+fn contours(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<SceneEntity> {
     let reach = scenery.reach.as_ref()?;
     let present = truth.obstacles.iter().filter(|obstacle| obstacle.present);
     let lines = present.filter_map(|obstacle| {
@@ -104,7 +142,7 @@ fn field(truth: &TruthRecord, scenery: &Scenery, log_time_ns: u64) -> Option<Sce
         Some(CONTOURS.map(|share| contour(obstacle, share, [share * x_m, share * y_m])))
     });
     let lines: Vec<LinePrimitive> = lines.flatten().collect();
-    Some(SceneEntity { lines, ..empty("potential field".into(), log_time_ns, FIELD_PERIOD_NS) })
+    Some(SceneEntity { lines, ..empty("potential field".into(), log_time_ns) })
 }
 
 /// An ellipse around an obstacle: there, the normalised distance of Eq. 20 is `share`.
@@ -113,19 +151,16 @@ fn contour(obstacle: &ObstacleTruth, share: f64, half_m: [f64; 2]) -> LinePrimit
         let turn = core::f64::consts::TAU * number as f64 / CONTOUR_POINTS as f64;
         (obstacle.x_m + half_m[0] * turn.cos(), obstacle.y_m + half_m[1] * turn.sin())
     };
-    let color = Color { a: 1.1 - share, ..FIELD_COLOR };
-    line(0.15, color, (0..=CONTOUR_POINTS).map(point))
+    let color = Color { a: 1.45 - share, ..FIELD_COLOR };
+    line(color, (0..=CONTOUR_POINTS).map(point))
 }
 
-fn line(
-    thickness: f64,
-    color: Color,
-    points: impl IntoIterator<Item = (f64, f64)>,
-) -> LinePrimitive {
+/// A line on the road, from whatever distance as thick.
+fn line(color: Color, points: impl IntoIterator<Item = (f64, f64)>) -> LinePrimitive {
     LinePrimitive {
         pose: flat(0.0, 0.0, 0.0),
-        thickness,
-        scale_invariant: false,
+        thickness: LINE_PX,
+        scale_invariant: true,
         points: points.into_iter().map(|(x, y)| Point3 { x, y, z: 0.05 }).collect(),
         color,
     }
@@ -140,12 +175,11 @@ fn flat(x: f64, y: f64, z: f64) -> Pose {
 }
 
 /// A thing without shape yet.
-fn empty(id: String, log_time_ns: u64, period_ns: u64) -> SceneEntity {
+fn empty(id: String, log_time_ns: u64) -> SceneEntity {
     SceneEntity {
         timestamp: Timestamp::of(log_time_ns),
         frame_id: FRAME.into(),
         id,
-        lifetime: Duration::of(LIFETIME_PERIODS * period_ns),
         ..SceneEntity::default()
     }
 }
@@ -159,9 +193,13 @@ fn boxes(truth: &TruthRecord, log_time_ns: u64) -> Vec<SceneEntity> {
     let obstacles = truth.obstacles.iter().filter(|obstacle| obstacle.present).map(|obstacle| {
         let (height_m, color) = looks(obstacle.kind);
         let shape = obstacle_box(obstacle, height_m);
-        entity(format!("obstacle {}", obstacle.number), log_time_ns, &shape, color)
+        entity(obstacle_id(obstacle), log_time_ns, &shape, color)
     });
     trucks.chain(obstacles).collect()
+}
+
+fn obstacle_id(obstacle: &ObstacleTruth) -> String {
+    format!("obstacle {}", obstacle.number)
 }
 
 /// A box standing on the road.
@@ -210,8 +248,8 @@ fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> Sc
     let label = TextPrimitive {
         pose: pose(shape, shape.height_m + 1.0),
         billboard: true,
-        font_size: 1.0,
-        scale_invariant: false,
+        font_size: LABEL_PX,
+        scale_invariant: true,
         color: LABEL_COLOR,
         text: id.clone(),
     };
@@ -219,7 +257,7 @@ fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> Sc
     SceneEntity {
         cubes: vec![CubePrimitive { pose: pose(shape, shape.height_m / 2.0), size, color }],
         texts: vec![label],
-        ..empty(id, log_time_ns, PERIOD_NS)
+        ..empty(id, log_time_ns)
     }
 }
 
@@ -259,13 +297,14 @@ mod tests {
             let obstacle = ObstacleTruth { number, present, ..ObstacleTruth::default() };
             truth.obstacles.push(obstacle).expect("room");
         }
-        let update = update(&truth, &Scenery::default(), 0);
-        let ids: Vec<_> = update.entities.into_iter().map(|thing| thing.id).collect();
-        assert_eq!(ids, ["obstacle 1"]);
+        let update = traffic(&truth, 0);
+        let shown: Vec<_> = update.entities.into_iter().map(|thing| thing.id).collect();
+        let gone: Vec<_> = update.deletions.into_iter().map(|thing| thing.id).collect();
+        assert_eq!((shown, gone), (vec!["obstacle 1".into()], vec!["obstacle 2".into()]));
     }
 
     #[test]
-    fn road_and_field_are_around_the_platoon_and_not_in_every_update() {
+    fn road_and_field_are_around_the_platoon_and_not_in_every_scene() {
         let mut truth = TruthRecord::default();
         for x_m in [500.0, 450.0] {
             truth.trucks.push(TruckTruth { x_m, ..TruckTruth::default() }).expect("room");
@@ -278,14 +317,14 @@ mod tests {
             lane_lines_m: vec![2.0],
             reach: Some(Reach::new(|truck, obstacle| [obstacle.x_m - truck.x_m, 3.0])),
         };
-        let things = update(&truth, &scenery, 0).entities;
-        let road = things.iter().find(|thing| thing.id == "road").expect("a road");
-        assert!((road.cubes[0].pose.position.x - 475.0).abs() < 1e-9, "around the platoon");
-        let field = things.iter().find(|thing| thing.id == "potential field").expect("a field");
-        let outermost = &field.lines[0].points;
+        let of_road = road(&truth, &scenery, 0).expect("a road").entities;
+        assert!((of_road[0].cubes[0].pose.position.x - 475.0).abs() < 1e-9, "around the platoon");
+        let of_field = field(&truth, &scenery, 0).expect("a field").entities;
+        let outermost = &of_field[0].lines[0].points;
         assert!((outermost[0].x - 540.0).abs() < 1e-9, "as far as the nearest truck feels it");
         truth.time_ns = 50_000_000;
-        assert_eq!(update(&truth, &scenery, 0).entities.len(), 3, "trucks and obstacle alone");
+        assert!(road(&truth, &scenery, 0).is_none() && field(&truth, &scenery, 0).is_none());
+        assert_eq!(traffic(&truth, 0).entities.len(), 3, "trucks and obstacle");
         let moved = transform(&truth, 0).expect("trucks");
         assert!((moved.translation.x - 475.0).abs() < 1e-9);
     }
