@@ -22,7 +22,10 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 LAYOUT = Path(__file__).parents[2] / "docs" / "foxglove-layout.json"
-WANTED = ["/world/truth", "/scene", "/tf", "/ecu1/tick", "/can/bus1/frames", "/bus1/EgoState"]
+WANTED = [
+    "/world/truth", "/scene", "/scene/road", "/scene/field", "/tf", "/ecu1/tick",
+    "/can/bus1/frames", "/bus1/EgoState",
+]
 MESSAGE_DATA = 1
 
 

@@ -13,9 +13,9 @@ const RECORDED: [&str; 2] = ["traces/golden/", "controller-rt/law/tests/data/"];
 /// Module names that say nothing about what is inside.
 const DRAWERS: [&str; 7] = ["utils", "util", "common", "helpers", "helper", "misc", "types"];
 /// Every file extension in use; a new one is added here on purpose.
-const EXTENSIONS: [&str; 16] = [
-    "css", "dbc", "html", "js", "json", "lock", "mcap", "md", "py", "qps", "rs", "sh", "svg",
-    "toml", "txt", "yml",
+const EXTENSIONS: [&str; 17] = [
+    "css", "dbc", "html", "js", "json", "lock", "mcap", "md", "png", "py", "qps", "rs", "sh",
+    "svg", "toml", "txt", "yml",
 ];
 /// Files that have no extension.
 const NAMES: [&str; 5] = [".gitignore", "LICENSE", "LICENSE-APACHE", "LICENSE-MIT", "run"];

@@ -34,7 +34,7 @@ const CONTOURS: [f64; 3] = [1.0, 0.7, 0.45];
 const CONTOUR_POINTS: usize = 40;
 /// Thickness of lines and height of letters on the screen.
 const LINE_PX: f64 = 2.0;
-const LABEL_PX: f64 = 13.0;
+const LABEL_PX: f64 = 11.0;
 
 const TRUCK_COLOR: Color = Color { r: 0.16, g: 0.42, b: 0.76, a: 1.0 };
 const LEADER_COLOR: Color = Color { r: 0.10, g: 0.60, b: 0.42, a: 1.0 };
@@ -246,7 +246,7 @@ const fn looks(kind: ObstacleKind) -> (f64, Color) {
 
 fn entity(id: String, log_time_ns: u64, shape: &StandingBox, color: Color) -> SceneEntity {
     let label = TextPrimitive {
-        pose: pose(shape, shape.height_m + 1.0),
+        pose: pose(shape, shape.height_m + 2.0),
         billboard: true,
         font_size: LABEL_PX,
         scale_invariant: true,
