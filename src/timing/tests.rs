@@ -29,6 +29,12 @@ fn many_punctual_ticks_pass_and_many_late_ones_fail() {
 }
 
 #[test]
+fn between_what_is_allowed_and_ten_times_that_losses_without_a_witness_decide_nothing() {
+    assert_eq!(verdict(2_000, 0, 0, QUIET), TimingVerdict::Inconclusive);
+    assert_eq!(verdict(2_000, 0, 2_000, QUIET), TimingVerdict::Fail, "unless they have one");
+}
+
+#[test]
 fn a_late_machine_or_a_short_run_decides_nothing() {
     let late = slots(300, 10_000);
     assert_eq!(verdict(8_000, 0, 0, late), TimingVerdict::Inconclusive);
