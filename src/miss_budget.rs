@@ -13,7 +13,7 @@
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -26,6 +26,7 @@ use crate::failure::Failure;
 use crate::fault::{Fault, FaultKind};
 use crate::process;
 use crate::progress::ProgressLine;
+use crate::table;
 
 /// The worst that one number of misses in a row did.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,8 +45,8 @@ pub struct Burst {
     pub truck: usize,
     /// What is left of its clearance \[m\].
     pub left_m: f64,
-    /// Whether the scenario's criteria held in every run that passed them undisturbed.
-    pub criteria_held: bool,
+    /// Criteria of the scenario that held undisturbed and did not in any of the runs.
+    pub broken: BTreeSet<String>,
     /// First ticks tried.
     pub tried: usize,
 }
@@ -165,7 +166,7 @@ impl<'a> Search<'a> {
     }
 
     fn is_harmless(&self, burst: &Burst) -> bool {
-        burst.loss_m <= self.args.harmless_m && burst.criteria_held
+        burst.loss_m <= self.args.harmless_m && burst.broken.is_empty()
     }
 
     /// The worst that so many misses do, from the coarse instants to a single tick. Where others
@@ -213,7 +214,7 @@ impl<'a> Search<'a> {
                 time_s: tick as f64 * period_s,
                 truck,
                 left_m,
-                criteria_held: outcome.results.passed() || !self.undisturbed.passed(),
+                broken: broken(&self.undisturbed, &outcome.results),
                 tried: 1,
             }
         });
@@ -241,10 +242,18 @@ impl<'a> Search<'a> {
 impl Burst {
     /// The one that costs more; what was tried and what was held is of both.
     fn worse(self, other: Self) -> Self {
-        let (tried, held) = (self.tried + other.tried, self.criteria_held && other.criteria_held);
+        let tried = self.tried + other.tried;
+        let broken = &self.broken | &other.broken;
         let worse = if other.loss_m > self.loss_m { other } else { self };
-        Self { tried, criteria_held: held, ..worse }
+        Self { tried, broken, ..worse }
     }
+}
+
+/// Criteria that held undisturbed and did not with a burst.
+fn broken(undisturbed: &Results, disturbed: &Results) -> BTreeSet<String> {
+    let pairs = undisturbed.criteria.iter().zip(&disturbed.criteria);
+    let lost = pairs.filter(|(before, now)| before.passed && !now.passed);
+    lost.map(|(_, now)| now.name.clone()).collect()
 }
 
 /// Least clearance of every truck, to obstacles and to other trucks \[m\].
@@ -284,30 +293,27 @@ impl MissBudget {
             self.rate_hz,
             self.seed
         );
-        anstream::println!(
-            "{:>6} {:>8} {:>8} {:>8} {:>6} {:>8}  {:9} {:>6}",
-            "misses",
-            "ms",
-            "loss m",
-            "at s",
-            "truck",
-            "left m",
-            "criteria",
-            "tried"
-        );
+        let mut table = table::numbers([
+            "misses", "ms", "loss m", "at s", "truck", "left m", "tried", "criteria",
+        ]);
         for burst in &self.bursts {
-            anstream::println!(
-                "{:6} {:8.0} {:8.3} {:8.2} {:6} {:8.2}  {:9} {:6}",
-                burst.misses,
-                burst.silence_ms,
-                burst.loss_m,
-                burst.time_s,
-                burst.truck,
-                burst.left_m,
-                if burst.criteria_held { "hold" } else { "broken" },
-                burst.tried
-            );
+            let broken: Vec<&str> = burst.broken.iter().map(String::as_str).collect();
+            table.add_row([
+                burst.misses.to_string(),
+                format!("{:.0}", burst.silence_ms),
+                format!("{:.4}", burst.loss_m),
+                format!("{:.2}", burst.time_s),
+                burst.truck.to_string(),
+                format!("{:.2}", burst.left_m),
+                burst.tried.to_string(),
+                if broken.is_empty() {
+                    "hold".into()
+                } else {
+                    format!("not {}", broken.join(", "))
+                },
+            ]);
         }
+        anstream::println!("{table}");
         let silence_ms = 1e3 * f64::from(self.harmless_misses) / f64::from(self.rate_hz);
         let bound = if self.is_bounded { "" } else { ", the most that were tried" };
         anstream::println!(

@@ -1,4 +1,4 @@
-use bench_sim::TruckResult;
+use bench_sim::{Criterion, TruckResult};
 use clap::Parser;
 
 use super::*;
@@ -56,6 +56,20 @@ fn losses_to_obstacles_and_to_trucks_count_each_for_themselves() {
     let was = results(vec![truck(Some(1.0), 40.0), truck(None, 40.0)]);
     let is = results(vec![truck(Some(0.9), 40.5), truck(None, 38.0)]);
     assert_eq!(loss(&was, &is), (1, 2.0, 38.0));
+}
+
+#[test]
+fn a_criterion_that_only_the_burst_breaks_is_named() {
+    let results = |values: [f64; 2]| Results {
+        criteria: vec![
+            Criterion::at_most("position_error_max_m", 1.0, Some(values[0])),
+            Criterion::at_most("settle_s", 1.0, Some(values[1])),
+        ],
+        ..Results::default()
+    };
+    let names = |was, is| broken(&results(was), &results(is)).into_iter().collect::<Vec<_>>();
+    assert_eq!(names([0.5, 2.0], [1.5, 2.0]), ["position_error_max_m"]);
+    assert!(names([0.5, 0.5], [0.6, 0.6]).is_empty());
 }
 
 #[test]

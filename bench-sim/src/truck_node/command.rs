@@ -55,14 +55,25 @@ pub(crate) struct CommandRange {
     pub(crate) steer_rate_radps: f64,
 }
 
+/// A command that came, before it is clipped.
+#[derive(Debug, Clone, Copy)]
+struct Answer {
+    asked: Command,
+    /// The tick it answers.
+    answers: u32,
+    /// The tick it came at.
+    tick: u32,
+}
+
 /// The command a truck obeys.
 #[derive(Debug, Clone)]
 pub(crate) struct CommandWatch {
     tick_period_s: f64,
     grain: CommandGrain,
     newest: Command,
-    /// Tick answered by the newest command and tick at which it came.
-    answered: Option<(u32, u32)>,
+    /// The newest answer, and the one that was newest at the wake-up before.
+    answer: Option<Answer>,
+    obeyed: Option<Answer>,
     age_ns: u64,
     mode: Mode,
     range: CommandRange,
@@ -77,7 +88,8 @@ impl CommandWatch {
             tick_period_s: tick_period_ns as f64 * 1e-9,
             grain,
             newest: Command::default(),
-            answered: None,
+            answer: None,
+            obeyed: None,
             age_ns: 0,
             mode: Mode::Following,
             range: CommandRange::default(),
@@ -86,7 +98,7 @@ impl CommandWatch {
 
     /// Takes in a command that passed its end-to-end checks; `tick` is the newest one published.
     pub(crate) fn accept(&mut self, message: &Actuation, tick: u32, counts: &mut NodeCounts) {
-        let older = self.answered.is_some_and(|(last, _)| message.answers_tick < last);
+        let older = self.answer.is_some_and(|last| message.answers_tick < last.answers);
         if older || message.answers_tick > tick {
             counts.out_of_order += 1;
             return;
@@ -97,7 +109,9 @@ impl CommandWatch {
             return;
         }
         let asked = Command { force_n: message.force_n, steer_rad: message.steering_rad };
-        self.measure(&asked, message.answers_tick, tick);
+        let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
+        self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
+        self.range.steer_rad = self.range.steer_rad.max(asked.steer_rad.abs());
         self.newest = Command {
             force_n: asked.force_n.clamp(FORCE_MIN_N, FORCE_MAX_N),
             steer_rad: asked.steer_rad.clamp(-STEER_MAX_RAD, STEER_MAX_RAD),
@@ -106,7 +120,7 @@ impl CommandWatch {
             || (asked.steer_rad - self.newest.steer_rad).abs() > self.grain.steering_rad;
         counts.out_of_range += u64::from(clipped);
         counts.accepted += 1;
-        self.answered = Some((message.answers_tick, tick));
+        self.answer = Some(Answer { asked, answers: message.answers_tick, tick });
         self.age_ns = 0;
         self.mode = Mode::Following;
     }
@@ -114,6 +128,7 @@ impl CommandWatch {
     /// Counts a wake-up that integrates `span_ns` after draining; true when the command is lost
     /// with it.
     pub(crate) fn age(&mut self, span_ns: u64) -> bool {
+        self.measure_rates(span_ns);
         self.age_ns += span_ns.min(AGE_PER_WAKE_MAX_NS);
         let lost = self.mode == Mode::Following && self.age_ns >= LOST_NS;
         if lost {
@@ -147,31 +162,31 @@ impl CommandWatch {
         &self.range
     }
 
-    /// Widens the range by one command, before it is clipped.
+    /// Widens the range by how fast the command changed from wake-up to wake-up.
     ///
     /// The time between two commands is that between the ticks they answer or between the ticks
-    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. After a
-    /// pause the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
+    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. What a
+    /// wake-up finds that has to catch up came at any time of what it catches up: the ECU may have
+    /// gone on while the rig stood still, answering the same state again and again. After a pause
+    /// the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
     /// answer a state that is a tick old; so a late or skipping answer is given one tick more.
     /// Where the bus carries the force less often than commands, either force may be older than
     /// its command by what is held beyond a tick.
-    fn measure(&mut self, asked: &Command, answers: u32, tick: u32) {
-        let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
-        self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
-        self.range.steer_rad = self.range.steer_rad.max(asked.steer_rad.abs());
-        let Some((last_answers, last_tick)) = self.answered else {
-            return;
-        };
-        let ticks = (answers - last_answers).max(tick.saturating_sub(last_tick)).max(1);
-        let uncertain = u32::from(ticks > 1 || answers < tick);
+    fn measure_rates(&mut self, span_ns: u64) {
+        let before = std::mem::replace(&mut self.obeyed, self.answer);
+        let (Some(last), Some(now)) = (before, self.answer) else { return };
+        let caught_up = (span_ns as f64 * 1e-9 / self.tick_period_s).round() as u32;
+        let came = (now.tick + caught_up.saturating_sub(1)).saturating_sub(last.tick);
+        let ticks = (now.answers - last.answers).max(came).max(1);
+        let uncertain = u32::from(ticks > 1 || now.answers < now.tick);
         let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let beyond = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0);
         let held_s = (self.grain.force_hold_ns as f64 * 1e-9 - self.tick_period_s).max(0.0);
         let force =
-            beyond(asked.force_n - self.newest.force_n, self.grain.force_n) / (span_s + held_s);
+            beyond(now.asked.force_n - last.asked.force_n, self.grain.force_n) / (span_s + held_s);
         let steer =
-            beyond(asked.steer_rad - self.newest.steer_rad, self.grain.steering_rad) / span_s;
+            beyond(now.asked.steer_rad - last.asked.steer_rad, self.grain.steering_rad) / span_s;
         self.range.force_rate_nps = self.range.force_rate_nps.max(force);
         self.range.steer_rate_radps = self.range.steer_rate_radps.max(steer);
     }
@@ -269,25 +284,46 @@ mod tests {
         assert_eq!(counts.out_of_range, 1);
     }
 
+    /// A wake-up that finds these commands (tick answered, force) and then integrates `span_ticks`.
+    fn wake(watch: &mut CommandWatch, tick: u32, span_ticks: u64, commands: &[(u32, f64)]) {
+        for &(answers, force_n) in commands {
+            watch.accept(&actuation(answers, force_n, 0.0), tick, &mut NodeCounts::default());
+        }
+        watch.age(span_ticks * MS);
+    }
+
     #[test]
     fn rates_are_measured_over_the_ticks_between_commands() {
-        let mut counts = NodeCounts::default();
         let mut watch = CommandWatch::new(MS, FD);
         for (answers, tick, force_n) in [(1, 1, 0.0), (2, 2, 57.6), (4, 4, 172.8), (4, 6, 288.0)] {
-            watch.accept(&actuation(answers, force_n, 0.0), tick, &mut counts);
+            wake(&mut watch, tick, 1, &[(answers, force_n)]);
         }
         let rate = watch.range().force_rate_nps;
         assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
-        assert_eq!(counts.late, 1);
+        wake(&mut watch, 7, 1, &[(7, 600.0)]);
+        assert!(watch.range().force_rate_nps > 57_600.0);
     }
 
     #[test]
     fn a_pause_of_the_machine_does_not_look_like_a_fast_actuator() {
         // Thirteen ticks passed in the ECU, which answers the state of the twelfth.
         let mut watch = CommandWatch::new(MS, FD);
-        watch.accept(&actuation(1, 0.0, 0.0), 1, &mut NodeCounts::default());
-        watch.accept(&actuation(13, 13.0 * 57.6, 0.0), 13, &mut NodeCounts::default());
+        wake(&mut watch, 1, 1, &[(1, 0.0)]);
+        wake(&mut watch, 13, 1, &[(13, 13.0 * 57.6)]);
         assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
+    }
+
+    #[test]
+    fn an_ecu_that_goes_on_while_the_rig_stands_still_does_not_look_fast() {
+        let rate = |caught_up| {
+            let mut watch = CommandWatch::new(MS, FD);
+            wake(&mut watch, 5, 1, &[(5, 0.0)]);
+            let held: Vec<(u32, f64)> = (1..=10).map(|n| (6, f64::from(n) * 57.6)).collect();
+            wake(&mut watch, 6, caught_up, &held);
+            watch.range().force_rate_nps
+        };
+        assert!(rate(11) <= 57_600.0, "{}", rate(11));
+        assert!(rate(1) > 500_000.0, "as many commands in a tick of a rig that was on time");
     }
 
     #[test]
@@ -299,9 +335,11 @@ mod tests {
             let sent = actuation(tick, force_n + 0.049, steering_rad + 4.9e-7);
             let (received, _) = Actuation::decode(&sent.encode(0).expect("fits")).expect("whole");
             if tick % 300 == 0 {
-                watch.answered = None;
+                watch.obeyed = None;
+                watch.answer = None;
             }
             watch.accept(&received, tick, &mut NodeCounts::default());
+            watch.age(MS);
         }
         let range = watch.range();
         assert!(range.force_rate_nps <= 57_600.0 && range.force_rate_nps > 57_300.0);
@@ -316,6 +354,8 @@ mod tests {
         watch.accept(&actuation(4, 2.0, 0.0), 5, &mut counts);
         watch.accept(&actuation(7, 3.0, 0.0), 6, &mut counts);
         assert_eq!((counts.accepted, counts.out_of_order), (1, 2));
+        watch.accept(&actuation(5, 1.0, 0.0), 6, &mut counts);
+        assert_eq!((counts.accepted, counts.late), (2, 1));
     }
 
     #[test]
@@ -325,6 +365,7 @@ mod tests {
             let mut watch = CommandWatch::new(10 * MS, grain);
             for (tick, force_n) in (0..).zip(forces) {
                 watch.accept(&actuation(tick, *force_n, 0.0), tick, &mut NodeCounts::default());
+                watch.age(10 * MS);
             }
             watch.range().force_rate_nps
         };
