@@ -71,9 +71,12 @@ pub(crate) struct CommandWatch {
     tick_period_s: f64,
     grain: CommandGrain,
     newest: Command,
-    /// The newest answer, and the one that was newest at the wake-up before.
+    /// The newest answer, whether it came since the last wake-up, and the one obeyed before it.
     answer: Option<Answer>,
+    is_fresh: bool,
     obeyed: Option<Answer>,
+    /// Whether the one obeyed skipped ticks or answered an old one.
+    is_irregular: bool,
     age_ns: u64,
     mode: Mode,
     range: CommandRange,
@@ -89,7 +92,9 @@ impl CommandWatch {
             grain,
             newest: Command::default(),
             answer: None,
+            is_fresh: false,
             obeyed: None,
+            is_irregular: false,
             age_ns: 0,
             mode: Mode::Following,
             range: CommandRange::default(),
@@ -121,6 +126,7 @@ impl CommandWatch {
         counts.out_of_range += u64::from(clipped);
         counts.accepted += 1;
         self.answer = Some(Answer { asked, answers: message.answers_tick, tick });
+        self.is_fresh = true;
         self.age_ns = 0;
         self.mode = Mode::Following;
     }
@@ -169,16 +175,22 @@ impl CommandWatch {
     /// wake-up finds that has to catch up came at any time of what it catches up: the ECU may have
     /// gone on while the rig stood still, answering the same state again and again. After a pause
     /// the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
-    /// answer a state that is a tick old; so a late or skipping answer is given one tick more.
+    /// answer a state that is a tick old, or one that is a tick younger than the slot it serves; so
+    /// a late or skipping answer and the one behind it are given one tick more.
     /// Where the bus carries the force less often than commands, either force may be older than
     /// its command by what is held beyond a tick.
     fn measure_rates(&mut self, span_ns: u64) {
+        if !std::mem::take(&mut self.is_fresh) {
+            return;
+        }
         let before = std::mem::replace(&mut self.obeyed, self.answer);
         let (Some(last), Some(now)) = (before, self.answer) else { return };
         let caught_up = (span_ns as f64 * 1e-9 / self.tick_period_s).round() as u32;
         let came = (now.tick + caught_up.saturating_sub(1)).saturating_sub(last.tick);
         let ticks = (now.answers - last.answers).max(came).max(1);
-        let uncertain = u32::from(ticks > 1 || now.answers < now.tick);
+        let was_irregular = self.is_irregular;
+        self.is_irregular = ticks > 1 || now.answers < now.tick;
+        let uncertain = u32::from(self.is_irregular || was_irregular);
         let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let beyond = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0);
@@ -327,6 +339,18 @@ mod tests {
     }
 
     #[test]
+    fn the_slot_after_a_pause_may_begin_late_and_see_the_next_state_already() {
+        // The ECU's slots are 1, 6 and 8; that of tick 6 began late enough to answer tick 7.
+        let mut watch = CommandWatch::new(MS, FD);
+        wake(&mut watch, 1, 1, &[(1, 0.0)]);
+        wake(&mut watch, 7, 1, &[(7, 5.0 * 57.6)]);
+        wake(&mut watch, 8, 1, &[(8, 7.0 * 57.6)]);
+        assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
+        wake(&mut watch, 9, 1, &[(9, 9.0 * 57.6)]);
+        assert!(watch.range().force_rate_nps > 115_000.0, "once is enough");
+    }
+
+    #[test]
     fn a_command_at_its_rate_limit_passes_after_rounding_on_the_bus() {
         let mut watch = CommandWatch::new(MS, FD);
         for tick in 0..2_000 {
@@ -336,7 +360,6 @@ mod tests {
             let (received, _) = Actuation::decode(&sent.encode(0).expect("fits")).expect("whole");
             if tick % 300 == 0 {
                 watch.obeyed = None;
-                watch.answer = None;
             }
             watch.accept(&received, tick, &mut NodeCounts::default());
             watch.age(MS);
