@@ -183,7 +183,8 @@ impl TruckNode {
             self.record(record, tap);
             match self.check(&received.frame) {
                 Some(Message::Actuation(command)) => {
-                    self.watch.accept(&command, tap.tick, &mut self.counts);
+                    let came = (tap.tick, received.stamp_ns);
+                    self.watch.accept(&command, came, &mut self.counts);
                 }
                 Some(Message::EcuStatus(status)) => self.ecu_mode = Some(status.ecu_mode),
                 Some(for_radio) => radio(&for_radio),

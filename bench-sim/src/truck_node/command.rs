@@ -63,6 +63,8 @@ struct Answer {
     answers: u32,
     /// The tick it came at.
     tick: u32,
+    /// When it came to the bus \[ns\], on the bus's clock.
+    stamp_ns: u64,
 }
 
 /// The command a truck obeys.
@@ -71,11 +73,8 @@ pub(crate) struct CommandWatch {
     tick_period_s: f64,
     grain: CommandGrain,
     newest: Command,
-    /// The newest answer, whether it came since the last wake-up, and the one obeyed before it.
     answer: Option<Answer>,
-    is_fresh: bool,
-    obeyed: Option<Answer>,
-    /// Whether the one obeyed skipped ticks or answered an old one.
+    /// Whether that one skipped ticks, or answered an old one or the same as the one before.
     is_irregular: bool,
     age_ns: u64,
     mode: Mode,
@@ -92,8 +91,6 @@ impl CommandWatch {
             grain,
             newest: Command::default(),
             answer: None,
-            is_fresh: false,
-            obeyed: None,
             is_irregular: false,
             age_ns: 0,
             mode: Mode::Following,
@@ -101,8 +98,14 @@ impl CommandWatch {
         }
     }
 
-    /// Takes in a command that passed its end-to-end checks; `tick` is the newest one published.
-    pub(crate) fn accept(&mut self, message: &Actuation, tick: u32, counts: &mut NodeCounts) {
+    /// Takes in a command that passed its end-to-end checks and came to the bus at `stamp_ns`;
+    /// `tick` is the newest one published.
+    pub(crate) fn accept(
+        &mut self,
+        message: &Actuation,
+        (tick, stamp_ns): (u32, u64),
+        counts: &mut NodeCounts,
+    ) {
         let older = self.answer.is_some_and(|last| message.answers_tick < last.answers);
         if older || message.answers_tick > tick {
             counts.out_of_order += 1;
@@ -114,9 +117,7 @@ impl CommandWatch {
             return;
         }
         let asked = Command { force_n: message.force_n, steer_rad: message.steering_rad };
-        let (low_n, high_n) = self.range.force_n.unwrap_or((asked.force_n, asked.force_n));
-        self.range.force_n = Some((low_n.min(asked.force_n), high_n.max(asked.force_n)));
-        self.range.steer_rad = self.range.steer_rad.max(asked.steer_rad.abs());
+        self.measure(&Answer { asked, answers: message.answers_tick, tick, stamp_ns });
         self.newest = Command {
             force_n: asked.force_n.clamp(FORCE_MIN_N, FORCE_MAX_N),
             steer_rad: asked.steer_rad.clamp(-STEER_MAX_RAD, STEER_MAX_RAD),
@@ -125,8 +126,6 @@ impl CommandWatch {
             || (asked.steer_rad - self.newest.steer_rad).abs() > self.grain.steering_rad;
         counts.out_of_range += u64::from(clipped);
         counts.accepted += 1;
-        self.answer = Some(Answer { asked, answers: message.answers_tick, tick });
-        self.is_fresh = true;
         self.age_ns = 0;
         self.mode = Mode::Following;
     }
@@ -134,7 +133,6 @@ impl CommandWatch {
     /// Counts a wake-up that integrates `span_ns` after draining; true when the command is lost
     /// with it.
     pub(crate) fn age(&mut self, span_ns: u64) -> bool {
-        self.measure_rates(span_ns);
         self.age_ns += span_ns.min(AGE_PER_WAKE_MAX_NS);
         let lost = self.mode == Mode::Following && self.age_ns >= LOST_NS;
         if lost {
@@ -168,37 +166,35 @@ impl CommandWatch {
         &self.range
     }
 
-    /// Widens the range by how fast the command changed from wake-up to wake-up.
+    /// Widens the range by one command, before it is clipped.
     ///
-    /// The time between two commands is that between the ticks they answer or between the ticks
-    /// they came at, whichever is longer: an ECU that skipped a tick may move twice as far. What a
-    /// wake-up finds that has to catch up came at any time of what it catches up: the ECU may have
-    /// gone on while the rig stood still, answering the same state again and again. After a pause
-    /// the ECU's own count of elapsed ticks may be one more than the rig sees, because it may
-    /// answer a state that is a tick old, or one that is a tick younger than the slot it serves; so
-    /// a late or skipping answer and the one behind it are given one tick more.
-    /// Where the bus carries the force less often than commands, either force may be older than
-    /// its command by what is held beyond a tick.
-    fn measure_rates(&mut self, span_ns: u64) {
-        if !std::mem::take(&mut self.is_fresh) {
-            return;
-        }
-        let before = std::mem::replace(&mut self.obeyed, self.answer);
-        let (Some(last), Some(now)) = (before, self.answer) else { return };
-        let caught_up = (span_ns as f64 * 1e-9 / self.tick_period_s).round() as u32;
-        let came = (now.tick + caught_up.saturating_sub(1)).saturating_sub(last.tick);
-        let ticks = (now.answers - last.answers).max(came).max(1);
+    /// The time between two commands is the longest of three: between the ticks they answer,
+    /// between the ticks they came at, and between their arrivals on the bus. An ECU that skipped a
+    /// tick may move twice as far; one that goes on while the rig stands still answers the same
+    /// state again and again. After a pause the ECU's own count of elapsed ticks may be one more
+    /// than is seen here, because a slot can begin half a period late and see the next state
+    /// already, or a state that is a tick old; so an irregular answer and the one behind it are
+    /// given one tick more. Where the bus carries the force less often than commands, either force
+    /// may be older than its command by what is held beyond a tick.
+    fn measure(&mut self, now: &Answer) {
+        let Command { force_n, steer_rad } = now.asked;
+        let (low_n, high_n) = self.range.force_n.unwrap_or((force_n, force_n));
+        self.range.force_n = Some((low_n.min(force_n), high_n.max(force_n)));
+        self.range.steer_rad = self.range.steer_rad.max(steer_rad.abs());
+        let Some(last) = self.answer.replace(*now) else { return };
+        let apart_s = now.stamp_ns.saturating_sub(last.stamp_ns) as f64 * 1e-9;
+        let answered = now.answers - last.answers;
+        let came = now.tick.saturating_sub(last.tick);
+        let ticks = answered.max(came).max((apart_s / self.tick_period_s) as u32).max(1);
         let was_irregular = self.is_irregular;
-        self.is_irregular = ticks > 1 || now.answers < now.tick;
+        self.is_irregular = ticks > 1 || answered == 0 || now.answers < now.tick;
         let uncertain = u32::from(self.is_irregular || was_irregular);
         let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let beyond = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0);
         let held_s = (self.grain.force_hold_ns as f64 * 1e-9 - self.tick_period_s).max(0.0);
-        let force =
-            beyond(now.asked.force_n - last.asked.force_n, self.grain.force_n) / (span_s + held_s);
-        let steer =
-            beyond(now.asked.steer_rad - last.asked.steer_rad, self.grain.steering_rad) / span_s;
+        let force = beyond(force_n - last.asked.force_n, self.grain.force_n) / (span_s + held_s);
+        let steer = beyond(steer_rad - last.asked.steer_rad, self.grain.steering_rad) / span_s;
         self.range.force_rate_nps = self.range.force_rate_nps.max(force);
         self.range.steer_rate_radps = self.range.steer_rate_radps.max(steer);
     }
@@ -221,7 +217,7 @@ mod tests {
     #[test]
     fn a_command_is_lost_exactly_at_a_hundred_milliseconds() {
         let mut watch = CommandWatch::new(MS, FD);
-        watch.accept(&actuation(0, 100.0, 0.0), 0, &mut NodeCounts::default());
+        watch.accept(&actuation(0, 100.0, 0.0), (0, 0), &mut NodeCounts::default());
         assert_eq!((1..=200).find(|_| watch.age(MS)), Some(100));
         assert_eq!((0..200).find(|_| watch.age(MS)), None, "noticed twice");
     }
@@ -237,7 +233,7 @@ mod tests {
     fn without_commands_the_truck_straightens_coasts_and_stops_at_four() {
         let mut truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
         let mut watch = CommandWatch::new(MS, FD);
-        watch.accept(&actuation(0, 5_000.0, 0.05), 0, &mut NodeCounts::default());
+        watch.accept(&actuation(0, 5_000.0, 0.05), (0, 0), &mut NodeCounts::default());
         let (mut braking_from, mut stopped_at) = (None, None);
         let mut decel_mps2 = 0.0;
         for ms in 0..8_000 {
@@ -271,13 +267,13 @@ mod tests {
         let silence = |watch: &mut CommandWatch| (0..10).any(|_| watch.age(10 * MS));
         assert!(silence(&mut watch));
         assert_eq!(watch.command(&truck, MS), Command::default());
-        watch.accept(&actuation(3, 700.0, 0.01), 3, &mut counts);
+        watch.accept(&actuation(3, 700.0, 0.01), (3, 0), &mut counts);
         assert_eq!(watch.command(&truck, MS).force_n, 700.0);
         assert!(silence(&mut watch));
         for _ in 0..200 {
             assert_eq!(watch.command(&truck, MS).force_n, 0.0);
         }
-        watch.accept(&actuation(4, 700.0, 0.01), 4, &mut counts);
+        watch.accept(&actuation(4, 700.0, 0.01), (4, 0), &mut counts);
         assert!(watch.command(&truck, MS).force_n < -20_000.0);
         assert_eq!((counts.accepted, counts.ignored_while_stopping), (1, 1));
     }
@@ -287,32 +283,33 @@ mod tests {
         let truck = Truck::new(TruckParameters::default(), 0.0, 0.0, 18.0);
         let mut counts = NodeCounts::default();
         let mut watch = CommandWatch::new(MS, FD);
-        watch.accept(&actuation(0, -50_000.0, 0.3), 0, &mut counts);
+        watch.accept(&actuation(0, -50_000.0, 0.3), (0, 0), &mut counts);
         let obeyed = watch.command(&truck, MS);
         assert_eq!((obeyed.force_n, obeyed.steer_rad), (FORCE_MIN_N, STEER_MAX_RAD));
         assert_eq!(counts.out_of_range, 1);
         assert_eq!(watch.range().force_n, Some((-50_000.0, -50_000.0)));
-        watch.accept(&actuation(1, 20_000.0, 0.174_533), 1, &mut counts);
+        watch.accept(&actuation(1, 20_000.0, 0.174_533), (1, 0), &mut counts);
         assert_eq!(counts.out_of_range, 1);
     }
 
-    /// A wake-up that finds these commands (tick answered, force) and then integrates `span_ticks`.
-    fn wake(watch: &mut CommandWatch, tick: u32, span_ticks: u64, commands: &[(u32, f64)]) {
-        for &(answers, force_n) in commands {
-            watch.accept(&actuation(answers, force_n, 0.0), tick, &mut NodeCounts::default());
+    /// Takes in commands (tick answered, force) that came a tick apart, the last at `stamp_ms`.
+    fn take(watch: &mut CommandWatch, tick: u32, stamp_ms: u64, commands: &[(u32, f64)]) {
+        let first_ms = stamp_ms + 1 - commands.len() as u64;
+        for (stamp_ms, &(answers, force_n)) in (first_ms..).zip(commands) {
+            let came = (tick, stamp_ms * MS);
+            watch.accept(&actuation(answers, force_n, 0.0), came, &mut NodeCounts::default());
         }
-        watch.age(span_ticks * MS);
     }
 
     #[test]
     fn rates_are_measured_over_the_ticks_between_commands() {
         let mut watch = CommandWatch::new(MS, FD);
         for (answers, tick, force_n) in [(1, 1, 0.0), (2, 2, 57.6), (4, 4, 172.8), (4, 6, 288.0)] {
-            wake(&mut watch, tick, 1, &[(answers, force_n)]);
+            take(&mut watch, tick, tick.into(), &[(answers, force_n)]);
         }
         let rate = watch.range().force_rate_nps;
-        assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
-        wake(&mut watch, 7, 1, &[(7, 600.0)]);
+        assert!(rate <= 57_600.0 && rate > 43_000.0, "{rate}");
+        take(&mut watch, 7, 7, &[(7, 600.0)]);
         assert!(watch.range().force_rate_nps > 57_600.0);
     }
 
@@ -320,33 +317,33 @@ mod tests {
     fn a_pause_of_the_machine_does_not_look_like_a_fast_actuator() {
         // Thirteen ticks passed in the ECU, which answers the state of the twelfth.
         let mut watch = CommandWatch::new(MS, FD);
-        wake(&mut watch, 1, 1, &[(1, 0.0)]);
-        wake(&mut watch, 13, 1, &[(13, 13.0 * 57.6)]);
+        take(&mut watch, 1, 1, &[(1, 0.0)]);
+        take(&mut watch, 13, 13, &[(13, 13.0 * 57.6)]);
         assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
     }
 
     #[test]
     fn an_ecu_that_goes_on_while_the_rig_stands_still_does_not_look_fast() {
-        let rate = |caught_up| {
-            let mut watch = CommandWatch::new(MS, FD);
-            wake(&mut watch, 5, 1, &[(5, 0.0)]);
-            let held: Vec<(u32, f64)> = (1..=10).map(|n| (6, f64::from(n) * 57.6)).collect();
-            wake(&mut watch, 6, caught_up, &held);
-            watch.range().force_rate_nps
-        };
-        assert!(rate(11) <= 57_600.0, "{}", rate(11));
-        assert!(rate(1) > 500_000.0, "as many commands in a tick of a rig that was on time");
+        let mut watch = CommandWatch::new(MS, FD);
+        take(&mut watch, 5, 5, &[(5, 0.0)]);
+        let held: Vec<(u32, f64)> = (1..=10).map(|n| (6, f64::from(n) * 57.6)).collect();
+        take(&mut watch, 6, 15, &held);
+        // It skipped two slots of that pause, too.
+        take(&mut watch, 6, 18, &[(6, 13.0 * 57.6)]);
+        assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
+        take(&mut watch, 6, 19, &[(6, 20.0 * 57.6)]);
+        assert!(watch.range().force_rate_nps > 57_600.0, "as far in one slot as in seven");
     }
 
     #[test]
     fn the_slot_after_a_pause_may_begin_late_and_see_the_next_state_already() {
         // The ECU's slots are 1, 6 and 8; that of tick 6 began late enough to answer tick 7.
         let mut watch = CommandWatch::new(MS, FD);
-        wake(&mut watch, 1, 1, &[(1, 0.0)]);
-        wake(&mut watch, 7, 1, &[(7, 5.0 * 57.6)]);
-        wake(&mut watch, 8, 1, &[(8, 7.0 * 57.6)]);
+        take(&mut watch, 1, 1, &[(1, 0.0)]);
+        take(&mut watch, 7, 7, &[(7, 5.0 * 57.6)]);
+        take(&mut watch, 8, 8, &[(8, 7.0 * 57.6)]);
         assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
-        wake(&mut watch, 9, 1, &[(9, 9.0 * 57.6)]);
+        take(&mut watch, 9, 9, &[(9, 9.0 * 57.6)]);
         assert!(watch.range().force_rate_nps > 115_000.0, "once is enough");
     }
 
@@ -359,10 +356,9 @@ mod tests {
             let sent = actuation(tick, force_n + 0.049, steering_rad + 4.9e-7);
             let (received, _) = Actuation::decode(&sent.encode(0).expect("fits")).expect("whole");
             if tick % 300 == 0 {
-                watch.obeyed = None;
+                watch.answer = None;
             }
-            watch.accept(&received, tick, &mut NodeCounts::default());
-            watch.age(MS);
+            watch.accept(&received, (tick, 0), &mut NodeCounts::default());
         }
         let range = watch.range();
         assert!(range.force_rate_nps <= 57_600.0 && range.force_rate_nps > 57_300.0);
@@ -373,11 +369,11 @@ mod tests {
     fn answers_out_of_order_or_from_the_future_are_refused() {
         let mut counts = NodeCounts::default();
         let mut watch = CommandWatch::new(MS, FD);
-        watch.accept(&actuation(5, 1.0, 0.0), 5, &mut counts);
-        watch.accept(&actuation(4, 2.0, 0.0), 5, &mut counts);
-        watch.accept(&actuation(7, 3.0, 0.0), 6, &mut counts);
+        watch.accept(&actuation(5, 1.0, 0.0), (5, 0), &mut counts);
+        watch.accept(&actuation(4, 2.0, 0.0), (5, 0), &mut counts);
+        watch.accept(&actuation(7, 3.0, 0.0), (6, 0), &mut counts);
         assert_eq!((counts.accepted, counts.out_of_order), (1, 2));
-        watch.accept(&actuation(5, 1.0, 0.0), 6, &mut counts);
+        watch.accept(&actuation(5, 1.0, 0.0), (6, 0), &mut counts);
         assert_eq!((counts.accepted, counts.late), (2, 1));
     }
 
@@ -387,8 +383,8 @@ mod tests {
         let rate = |grain: CommandGrain, forces: &[f64]| {
             let mut watch = CommandWatch::new(10 * MS, grain);
             for (tick, force_n) in (0..).zip(forces) {
-                watch.accept(&actuation(tick, *force_n, 0.0), tick, &mut NodeCounts::default());
-                watch.age(10 * MS);
+                let came = (tick, u64::from(tick) * 10 * MS);
+                watch.accept(&actuation(tick, *force_n, 0.0), came, &mut NodeCounts::default());
             }
             watch.range().force_rate_nps
         };
