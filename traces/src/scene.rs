@@ -59,10 +59,7 @@ pub(crate) fn road(
     scenery: &Scenery,
     log_time_ns: u64,
 ) -> Option<SceneUpdate> {
-    is_due(truth, ROAD_PERIOD_NS)
-        .then(|| road_around(truth, scenery, log_time_ns))
-        .flatten()
-        .map(alone)
+    when_due(truth, ROAD_PERIOD_NS, || road_around(truth, scenery, log_time_ns))
 }
 
 /// The potential fields around the obstacles, when they are due.
@@ -71,19 +68,18 @@ pub(crate) fn field(
     scenery: &Scenery,
     log_time_ns: u64,
 ) -> Option<SceneUpdate> {
-    is_due(truth, FIELD_PERIOD_NS)
-        .then(|| contours(truth, scenery, log_time_ns))
-        .flatten()
-        .map(alone)
+    when_due(truth, FIELD_PERIOD_NS, || contours(truth, scenery, log_time_ns))
 }
 
-/// Whether a world state is the first one shown of a period.
-fn is_due(truth: &TruthRecord, period_ns: u64) -> bool {
-    truth.time_ns % period_ns < PERIOD_NS
-}
-
-fn alone(entity: SceneEntity) -> SceneUpdate {
-    SceneUpdate { entities: vec![entity], ..SceneUpdate::default() }
+/// What is drawn alone, at the first world state shown of a period.
+fn when_due(
+    truth: &TruthRecord,
+    period_ns: u64,
+    draw: impl FnOnce() -> Option<SceneEntity>,
+) -> Option<SceneUpdate> {
+    let is_due = truth.time_ns % period_ns < PERIOD_NS;
+    let entities = vec![is_due.then(draw).flatten()?];
+    Some(SceneUpdate { entities, ..SceneUpdate::default() })
 }
 
 /// Where the platoon is on the road; none without trucks.

@@ -63,7 +63,7 @@ struct Answer {
     answers: u32,
     /// The tick it came at.
     tick: u32,
-    /// When it came to the bus \[ns\], on the bus's clock.
+    /// When it came to the bus \[ns\], on the bus's clock; 0 when nobody knows.
     stamp_ns: u64,
 }
 
@@ -182,14 +182,18 @@ impl CommandWatch {
         self.range.force_n = Some((low_n.min(force_n), high_n.max(force_n)));
         self.range.steer_rad = self.range.steer_rad.max(steer_rad.abs());
         let Some(last) = self.answer.replace(*now) else { return };
-        let apart_s = now.stamp_ns.saturating_sub(last.stamp_ns) as f64 * 1e-9;
+        let apart_ns = match last.stamp_ns {
+            0 => 0,
+            last_ns => now.stamp_ns.saturating_sub(last_ns),
+        };
+        let apart_s = apart_ns as f64 * 1e-9;
         let answered = now.answers - last.answers;
         let came = now.tick.saturating_sub(last.tick);
         let ticks = answered.max(came).max((apart_s / self.tick_period_s) as u32).max(1);
         let was_irregular = self.is_irregular;
         self.is_irregular = ticks > 1 || answered == 0 || now.answers < now.tick;
         let uncertain = u32::from(self.is_irregular || was_irregular);
-        let span_s = f64::from(ticks + uncertain) * self.tick_period_s;
+        let span_s = f64::from(ticks.saturating_add(uncertain)) * self.tick_period_s;
         // A little more than the resolution, for the rounding of the subtraction itself.
         let beyond = |change: f64, lsb: f64| (change.abs() - 1.000_001 * lsb).max(0.0);
         let held_s = (self.grain.force_hold_ns as f64 * 1e-9 - self.tick_period_s).max(0.0);
@@ -292,23 +296,28 @@ mod tests {
         assert_eq!(counts.out_of_range, 1);
     }
 
-    /// Takes in commands (tick answered, force) that came a tick apart, the last at `stamp_ms`.
-    fn take(watch: &mut CommandWatch, tick: u32, stamp_ms: u64, commands: &[(u32, f64)]) {
+    /// Takes in commands (tick answered, force) that came a tick apart, the last at `stamp_ms`;
+    /// returns how many were late.
+    fn take(watch: &mut CommandWatch, tick: u32, stamp_ms: u64, commands: &[(u32, f64)]) -> u64 {
+        let mut counts = NodeCounts::default();
         let first_ms = stamp_ms + 1 - commands.len() as u64;
         for (stamp_ms, &(answers, force_n)) in (first_ms..).zip(commands) {
             let came = (tick, stamp_ms * MS);
-            watch.accept(&actuation(answers, force_n, 0.0), came, &mut NodeCounts::default());
+            watch.accept(&actuation(answers, force_n, 0.0), came, &mut counts);
         }
+        counts.late
     }
 
     #[test]
     fn rates_are_measured_over_the_ticks_between_commands() {
         let mut watch = CommandWatch::new(MS, FD);
+        let mut late = 0;
         for (answers, tick, force_n) in [(1, 1, 0.0), (2, 2, 57.6), (4, 4, 172.8), (4, 6, 288.0)] {
-            take(&mut watch, tick, tick.into(), &[(answers, force_n)]);
+            late += take(&mut watch, tick, tick.into(), &[(answers, force_n)]);
         }
         let rate = watch.range().force_rate_nps;
-        assert!(rate <= 57_600.0 && rate > 43_000.0, "{rate}");
+        assert!(rate <= 57_600.0 && rate > 57_400.0, "{rate}");
+        assert_eq!(late, 1);
         take(&mut watch, 7, 7, &[(7, 600.0)]);
         assert!(watch.range().force_rate_nps > 57_600.0);
     }
@@ -345,6 +354,22 @@ mod tests {
         assert!(watch.range().force_rate_nps <= 57_600.0, "{}", watch.range().force_rate_nps);
         take(&mut watch, 9, 9, &[(9, 9.0 * 57.6)]);
         assert!(watch.range().force_rate_nps > 115_000.0, "once is enough");
+    }
+
+    #[test]
+    fn an_arrival_that_nobody_knows_excuses_nothing() {
+        let mut watch = CommandWatch::new(MS, FD);
+        take(&mut watch, 1, 0, &[(1, 0.0)]);
+        take(&mut watch, 2, 1_000_000, &[(2, 576.0)]);
+        assert!(watch.range().force_rate_nps > 57_600.0, "{}", watch.range().force_rate_nps);
+    }
+
+    #[test]
+    fn a_bus_clock_that_is_set_forward_by_years_is_survived() {
+        let mut watch = CommandWatch::new(MS, FD);
+        take(&mut watch, 1, 1, &[(1, 0.0)]);
+        take(&mut watch, 2, u64::MAX / MS, &[(2, 57.6)]);
+        assert!(watch.range().force_rate_nps < 1.0, "{}", watch.range().force_rate_nps);
     }
 
     #[test]
